@@ -181,6 +181,18 @@ CYLINDERS = {
     'slotted_lever': cylinder((1, 2.2, 0), 5.5),
     'close_pivots': cylinder((1, 1.0625, 0.03125)),
 }
+DRIVEN_SLIDERS = {
+    f'{name}_slider_driven': replace(slider_crank(lengths, angle, way), input='slider')
+    for name, lengths, angle, way in (
+        ('centric', FULL['centric'], 0.3, 'open'),
+        ('offset_right', FULL['offset_right'], 5.5, 'crossed'),
+        ('limited', LIMITED['offset_left'], -2.0, 'open'),
+        ('rotating_coupler', LIMITED['rotating_coupler'], 0.3, 'crossed'),
+        ('equal_links', CHANGE_POINTS['both'], 0.3, 'open'),
+        ('upper', CHANGE_POINTS['upper'], 1.2, 'crossed'),
+        ('long_crank', LIMITED['lower_change_point'], 0.3, 'open'),
+    )
+}
 # Some terms of the equations are absent.
 PENDULUM = replace(
     four_bar(FULL['crank_rocker'], 1.1), coupler=Coupler(3.0, point=(0.4, 0.7)), rocker=Body(2.5)
@@ -259,6 +271,7 @@ ALL = {
         f'{name}_driven': replace(x, input='cylinder', assembly=way)
         for (name, x), way in zip(CYLINDERS.items(), 2 * ASSEMBLIES, strict=True)
     },
+    **DRIVEN_SLIDERS,
 }
 
 
@@ -331,10 +344,10 @@ def longest(mechanism):
 def coordinates(mechanism, cranks):
     """Returns all coordinates; a wind pump's dyad is open by 0.4 to pi - 0.4 rad.
 
-    A driven cylinder swings within its stroke.
+    A driven slide swings within its stroke; a crossed one, if it has two, at negative positions.
     """
-    if mechanism.coordinates == ('rod',):
-        ((low, high),) = mechanism.reach().arcs
+    if mechanism.structure().driven_link.slides:
+        low, high = mechanism.reach().arcs[-1 if mechanism.assembly == 'crossed' else 0]
         found = 0.5 * (low + high) + 0.48 * (high - low) * np.sin(1.7 * np.asarray(cranks))
         return (found if np.ndim(cranks) else float(found),)
     if not isinstance(mechanism, WindPump):
@@ -468,6 +481,9 @@ def _point_errors(solver, traced, usual, asked, units):
             *answers, others = map(np.atleast_1d, each)
             right = [state[name][order] for state in traced]
             size = max(map(abs, (*right, *_beyond_rounding(others, units[order]))))
+            if solver.structure.driven_link.is_guided:
+                # B moves as given, and the links that lead to it may move much faster.
+                size = max(abs(state[each][order]) for state in traced for each in state)
             # B of a folded slider-crank rests at A0.
             size = size if size > 1e-20 * units[order] else units[order]
             for got in answers:

@@ -33,7 +33,7 @@ class Reference(NamedTuple):
         position: Positions of the links; angles are in (-pi, pi], except the crank's.
         velocity: Velocities of the links.
         acceleration: Accelerations of the links.
-        torque: Torque on the crank; of a driven cylinder, the force along it.
+        torque: Torque on the crank; of a driven slide, the force along it.
         pins: Forces in the pins by name; empty at a change point, where they are infinite.
         guides: Forces in the guides, positive to the left, and moments, by name of the slider.
         exerted: Torque, or force along the guide, of loads and friction on each link.
@@ -147,13 +147,16 @@ class Oracle:
             name != sliding and not hasattr(part, 'angle') for name, part in self.parts.items()
         ]
         self.is_free = self.kind == 'WindPump'
-        self.by_rod = mechanism.coordinates == ('rod',)
+        self.driven = next(iter(mechanism.coordinates))
+        self.by_slide = self.driven != 'crank'
         self.lengths = tuple(map(Fraction, lengths or self._doubles()))
         # Change points at even and at odd multiples of pi of theta.
         self.folded = self.stretched = False
         if self.kind == 'SliderCrank':
             r, b, e = self.lengths
             self.folded, self.stretched = r - e == b, r + e == b
+            if self.by_slide:  # at position 0
+                self.folded, self.stretched = abs(r - b) == abs(e), False
         elif self.kind == 'FourBar':
             r, b, c, d = self.lengths
             self.folded, self.stretched = abs(d - r) == abs(b - c), b + c == d + r
@@ -191,15 +194,15 @@ class Oracle:
         """Computes the state at exactly these doubles, to 50 digits or more.
 
         Args:
-            q: Crank angle or length of a cylinder; both coordinates of a wind pump.
+            q: Crank angle or position of a driven slide; both coordinates of a wind pump.
             u: Rates of the coordinates.
             a: Acceleration of the coordinate; for a wind pump, the torque on the crank.
         """
         hit, nearness = False, 0
         if self.passes_change_point:
             with mp.workdps(400):
-                theta = self.angle(_first(q)) / mp.pi
-                nearest = abs(theta - mp.nint(theta))
+                theta = mp.mpf(_first(q)) if self.by_slide else self.angle(_first(q)) / mp.pi
+                nearest = abs(theta - (0 if self.by_slide else mp.nint(theta)))
                 # Nearer than any difference of doubles: only rounding remains.
                 at_once = nearest < mp.mpf('1e-350')
                 hit = at_once and (self.stretched if int(mp.nint(theta)) % 2 else self.folded)
@@ -230,7 +233,7 @@ class Oracle:
         position, velocity, acceleration = zip(
             *(self.of_link(name, {**bodies, 'frame': frame}) for name in bodies), strict=True
         )
-        crank = () if self.by_rod else (mp.mpf(_first(q)),)
+        crank = () if self.by_slide else (mp.mpf(_first(q)),)
         every = {**bodies, 'frame': frame}
         return Reference(
             (*crank, *position[len(crank) :]), velocity, acceleration, torque,
@@ -300,7 +303,7 @@ class Oracle:
         side = 1 if self.mechanism.assembly == 'open' else -1
         if self.kind == 'InvertedSliderCrank':
             (r, _, e), pivot = lengths, self.pivot()
-            if self.by_rod:
+            if self.by_slide:
                 s = mp.mpf(_first(q))
                 A = meet(mp.mpc(0), r, pivot, mp.hypot(s, e), side)
             else:
@@ -311,6 +314,15 @@ class Oracle:
                 'crank': Body(mp.mpc(0), A / r), 'barrel': Body(pivot, way), 'rod': Body(A, way),
             }  # fmt: skip
         r, b, c, *_ = lengths
+        if self.by_slide:
+            on, way = self.guide()
+            x = mp.mpf(_first(q))
+            B = on + x * way
+            A = meet(mp.mpc(0), r, B, b, -side if self.folded and x < 0 else side)
+            return {
+                'crank': Body(mp.mpc(0), A / r), 'coupler': Body(A, unit(B - A)),
+                'slider': Body(B, way),
+            }  # fmt: skip
         way = mp.expj(mp.mpf(_first(q)))
         A = r * way
         if self.kind == 'FourBar':
@@ -419,8 +431,8 @@ class Oracle:
             way = slides[name].guide * bodies[slides[name].carrier].way
             return self._along((way,), slides[name], bodies)[0]
 
-        if self.by_rod:
-            return [along('rod')]
+        if self.by_slide:
+            return [along(self.driven)]
         crank = Row({('crank', 'spin'): mp.mpf(1)})
         return [crank, along('slider')] if self.is_free else [crank]
 
@@ -594,7 +606,7 @@ class Oracle:
 
     def pushes(self, q, bodies):
         """Returns the efforts on links, and the forces at points, of all loads but friction."""
-        crank = mp.arg(bodies['crank'].way) if self.by_rod else mp.mpf(q)
+        crank = mp.arg(bodies['crank'].way) if self.by_slide else mp.mpf(q)
         found = []
         for load in self.loads:
             kind = type(load).__name__

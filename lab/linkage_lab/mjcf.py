@@ -111,7 +111,11 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     world, bodies, driven = _element('worldbody'), list[ET.Element](), names[structure.driven]
     effort = 'torque on the crank, N m, counter-clockwise'
     if structure.driven_link.slides:
-        effort = 'force that lengthens the cylinder, N'
+        word = structure.driven_link.driven_word
+        effort = {
+            'cylinder': 'force that lengthens the cylinder, N',
+            'slider': 'force on the slider, N, along its guide',
+        }[word]
     for name, link, shape, at in zip(names, links, described, position, strict=True):
         bodies.append(_body(name, link, shape, at))
         (world if link.parent is None else bodies[link.parent]).append(bodies[-1])

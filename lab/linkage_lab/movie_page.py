@@ -110,9 +110,10 @@ def _quantities(period: Period) -> list[_Quantity]:
     is_uneven = bool(np.ptp(speed.values) > 0)
     effort, color = period.effort.replace('_', ' ').capitalize(), color_of(driven)
     if period.driven.slides:
+        word = period.driven.driven_word.capitalize()
         found = [
-            _Quantity('Cylinder position', 'm', color, period.crank, is_law),
-            _Quantity('Cylinder speed', 'm/s', color, speed.values, is_uneven),
+            _Quantity(f'{word} position', 'm', color, period.crank, is_law),
+            _Quantity(f'{word} speed', 'm/s', color, speed.values, is_uneven),
         ]
     else:
         rpm = speed.values * 30 / math.pi

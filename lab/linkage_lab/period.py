@@ -73,7 +73,6 @@ class Across(NamedTuple):
 
 
 OVER_CRANK = Across('Crank angle', 'deg', 180 / math.pi)
-OVER_CYLINDER = Across('Position of the cylinder', 'm', 1.0)
 OVER_TIME = Across('Time', 's', 1.0)
 
 
@@ -83,7 +82,7 @@ class Period:
     Attributes:
         solver: Solver of the mechanism.
         driven: The link whose joint is driven.
-        crank: Positions of this joint: crank angles, rad, or positions of a cylinder, m. Without a
+        crank: Positions of this joint: crank angles, rad, or positions of a slide, m. Without a
             law they increase, over a period from 0.
         x: The same or, along a law, the times, in increasing order, rad, m or s.
         across: The variable in `x`.
@@ -113,7 +112,9 @@ class Period:
         self.solver, self._law_turns = solver, turns
         self.crank, self.speed, self.mean_power = crank, speed, mean_power
         self.driven = solver.structure.driven_link
-        over = OVER_CYLINDER if self.driven.slides else OVER_CRANK
+        over = OVER_CRANK
+        if self.driven.slides:
+            over = Across(f'Position of the {self.driven.driven_word}', 'm', 1.0)
         self.x, self.across = (crank, over) if time is None else (time, OVER_TIME)
         self.columns: dict[str, Column] = {}
         self.gaps: dict[str, Array] = {}
@@ -282,7 +283,7 @@ def period_to_show(
     reach, law = solver.mobility, design.drive.law(solver.structure.driven_link)
     if reach and reach.slides and rpm is not None:
         raise ConfigurationError(
-            f'--rpm is for a crank, but {source} drives a cylinder: leave it out'
+            f'--rpm is for a crank, but {source} drives a {reach.driven}: leave it out'
         )
     if reach is None:
         found = _settled(source, design, rpm, options)
@@ -370,7 +371,7 @@ def _arc_around(reach: Reach, crank: float) -> tuple[float, float]:
 
 def _group(solver: Solver) -> str:
     """Describes the class of a mechanism with one degree of freedom."""
-    return 'driven cylinder' if solver.reach.slides else solver.reach.grashof
+    return f'driven {solver.reach.driven}' if solver.reach.slides else solver.reach.grashof
 
 
 def _require_no(options: Mapping[str, Any], reason: str) -> None:

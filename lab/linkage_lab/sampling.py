@@ -59,7 +59,7 @@ def law_duration(solver: Solver, law: Any) -> int:
 
     Args:
         solver: Solver of the mechanism.
-        law: The law of its crank or cylinder.
+        law: The law of its driven joint.
 
     Returns:
         The duration, ns.

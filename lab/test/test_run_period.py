@@ -82,7 +82,7 @@ def test_figures_at_a_speed_are_those_of_many_turns(motion, load, speed):
 
 
 def test_period_of_a_cylinder_or_of_a_law_to_and_fro_has_no_turns():
-    assert period_turns(Reach('', slides=True, period_turns=0), LOADS.values()) == 0
+    assert period_turns(Reach('', driven='cylinder', period_turns=0), LOADS.values()) == 0
     assert period_turns(Reach(''), LOADS.values(), 0) == 0
     assert period_turns(Reach('', period_turns=2), (), 3) == 6
 

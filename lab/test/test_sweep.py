@@ -491,7 +491,7 @@ def test_a_cylinder_moves_at_its_own_speed(run):
         (
             'speed: 0.2\nranges: {speed: [0.1, 0.6]}',
             'ranges: {rod.mass: [16.0, 17.0]}',
-            'of a cylinder, speed: 0.1',
+            'speed: 0.1',
         ),
         ('swing: [0.82, 1.4]\n', '', 'the cylinder is driven: give swing'),
         ('excavator', 'quadrilateral', 'speed = 0.2: the crank is driven; give rpm'),

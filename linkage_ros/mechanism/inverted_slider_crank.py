@@ -26,12 +26,12 @@ These formulas were derived for this project.
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from fractions import Fraction
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, ClassVar, NamedTuple
 
 from linkage_ros.errors import ConfigurationError, MechanismError
-from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, require, sqrt, turned
-from linkage_ros.mechanism.base import Description, Mechanism
+from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, sqrt, turned
+from linkage_ros.mechanism.base import Description
+from linkage_ros.mechanism.driven_slide import CRANK, SlideDriven, Triangle
 from linkage_ros.mechanism.dyads import dyads_field
 from linkage_ros.mechanism.kinematics import FULL_TURN, Arc, LinkPose, Pose, Reach, Stroke
 from linkage_ros.mechanism.loads import loads_field
@@ -49,7 +49,7 @@ from linkage_ros.mechanism.transmission import Square, half_angle, normalized
 from linkage_ros.numeric import Real, exact_sum, rounded, short_sum
 from linkage_ros.quantities import quantity
 
-CRANK, CYLINDER = 'crank', 'cylinder'  # values of `input`
+CYLINDER = 'cylinder'  # value of `input` if the rod is driven
 
 
 class InvertedSliderCrankLoop(NamedTuple):
@@ -64,8 +64,7 @@ class InvertedSliderCrankLoop(NamedTuple):
         offset: Offset e of the rod's axis, m.
         growth: 2 sqrt(r d), m.
         square: s^2 as a function of h, m^2.
-        ends: Smallest and largest |s|, m, each as a sum of two doubles; the smallest is 0 for a
-            limited crank.
+        triangle: The triangle of crank, frame and the line from B0 to A.
         refuse: Function that rejects a coordinate.
     """
 
@@ -77,7 +76,7 @@ class InvertedSliderCrankLoop(NamedTuple):
     offset: float
     growth: float
     square: Square
-    ends: tuple[tuple[float, float], tuple[float, float]]
+    triangle: Triangle
     refuse: Opaque
 
     @property
@@ -137,31 +136,24 @@ class ByRod(InvertedSliderCrankLoop):
     `side` is 1 if A lies to the left of the line from A0 to B0, otherwise -1.
     """
 
-    slides = True  # the arcs are positions, m
-
     @property
     def turns_fully(self) -> bool:
         """Returns False, because the stroke has ends."""
         return False
 
     def arcs(self) -> tuple[Arc, ...]:
-        """Computes the positions between those at which crank and frame are in line, m."""
-        (short, _), (long, _) = self.ends
-        return ((short or -long, long),)
+        """Computes the positions between those at which crank and frame are in line, m.
+
+        At negative positions, the barrel is turned by pi; the rod cannot get there if they differ.
+        """
+        return self.triangle.arcs()[:1]
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the pose of crank, barrel and rod at a position of the rod, m."""
         (slide,) = q
-        least, (near, far) = self.square.least, self.ends
-        size = abs(slide)
-        stretch = ((far[0] - size) + far[1]) * (far[0] + size)
-        if self.square.limits:
-            fold = slide * slide - least
-        else:
-            fold = ((size - near[0]) - near[1]) * (size + near[0])
-        require(stretch > 0, self.refuse, slide)
-        require(fold > 0, self.refuse, slide)
-        x, y = self.side * sqrt(fold), sqrt(stretch)
+        least = self.square.least
+        fold, y = self.triangle.roots(slide, self.refuse)
+        x = self.side * fold
         area = x * y
         slope = 2 * slide / area
         bend = 2 * (x * x * (x * x) - least * (y * y - x * x)) / (area * area * area)
@@ -178,12 +170,6 @@ class ByRod(InvertedSliderCrankLoop):
         )
 
 
-def _root(square: Fraction) -> tuple[float, float]:
-    """Computes a square root as a sum of two doubles."""
-    high = math.sqrt(square)
-    return high, float(square - Fraction(high) ** 2) / (2 * high) if high else 0.0
-
-
 def _pose(
     ways: tuple[Vector, Vector],
     places: tuple[Real, Real],
@@ -198,7 +184,7 @@ def _pose(
 
 
 @dataclass(frozen=True)
-class InvertedSliderCrank(Mechanism):
+class InvertedSliderCrank(SlideDriven):
     """An inverted slider-crank: crank A0-A, barrel about B0, rod from the barrel to A.
 
     The direction of barrel and rod is that in which the rod's position increases, from B0 to A
@@ -220,6 +206,9 @@ class InvertedSliderCrank(Mechanism):
             'crossed' for right. A crank angle determines it, so a driven crank has only 'open'.
     """
 
+    slide: ClassVar[str] = 'rod'
+    slide_input: ClassVar[str] = CYLINDER
+
     frame: Frame
     crank: Body
     barrel: Barrel = field(default_factory=Barrel)
@@ -237,30 +226,11 @@ class InvertedSliderCrank(Mechanism):
         choices=(OPEN, CROSSED), default=OPEN,
     )  # fmt: skip
 
-    @property
-    def coordinates(self) -> tuple[str, ...]:  # type: ignore[override]
-        """See `Mechanism`."""
-        return ('rod',) if self.input == CYLINDER else ('crank',)
-
-    @property
-    def other_coordinates(self) -> tuple[str, ...]:  # type: ignore[override]
-        """See `Mechanism`."""
-        return ('crank',) if self.input == CYLINDER else ('rod',)
-
-    @classmethod
-    def drives(cls, values: Mapping[str, object]) -> tuple[tuple[str, ...], str]:
-        """See `Mechanism.drives`."""
-        if values.get('input') != CYLINDER:
-            return (), ''
-        return ('torque', 'motion', 'follow'), (
-            'because with input: cylinder the cylinder is driven, which has no rpm; leave rpm out'
-        )
-
     @classmethod
     def unused(cls, values: Mapping[str, object]) -> dict[str, str]:
         """See `Mechanism.unused`."""
         reason = 'the crank angle determines the assembly, unless input is cylinder'
-        return {} if values.get('input') == CYLINDER else {'assembly': reason}
+        return {} if values.get('input') == cls.slide_input else {'assembly': reason}
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -306,7 +276,9 @@ class InvertedSliderCrank(Mechanism):
         self.require_closed()
         r, d, _ = self._lengths()
         least, other, most, all_sum = self._sums()
-        kind = ByRod if description.coordinates == ('rod',) else InvertedSliderCrankLoop
+        is_by_rod = description.coordinates == ('rod',)
+        kind = ByRod if is_by_rod else InvertedSliderCrankLoop
+        reach = self.reach_of_slide if is_by_rod else self.reach_of_crank
         return kind(
             (self.frame.angle, 0.0),
             Vector.at(self.frame.angle),
@@ -316,37 +288,20 @@ class InvertedSliderCrank(Mechanism):
             self.offset,
             2 * math.sqrt(r * d),
             Square.of(least * other, most * all_sum),
-            self._ends(),
-            Opaque(self._refuse_rod if kind is ByRod else self._refuse_crank),
+            Triangle.of((r, d), self.offset),
+            Opaque(lambda place: reach().refuse(place)),
         )
 
-    def _ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Computes the smallest and the largest |s|; see the attribute `ends` of the loop."""
-        r, d, e = map(Fraction, self._lengths())
-        short, long = _root(max((d - r) ** 2 - e**2, Fraction(0))), _root((d + r) ** 2 - e**2)
-        return short, long
+    def reach_of_slide(self) -> Reach:
+        """See `SlideDriven`."""
+        return Reach(
+            'inverted slider-crank', self.loop_of(Description(('rod',), OPEN)).arcs(),
+            period_turns=0, limits=('crank and frame are in line at the ends of its stroke',),
+            driven=CYLINDER,
+        )  # fmt: skip
 
-    def loop(self) -> InvertedSliderCrankLoop:
-        """Returns the kinematic constants in the mechanism's own coordinates."""
-        return self.loop_of(self.description)
-
-    def _refuse_crank(self, crank: float) -> NoReturn:
-        self._reach_of_crank().refuse(crank)
-
-    def _refuse_rod(self, slide: float) -> NoReturn:
-        self._reach_of_cylinder().refuse(slide)
-
-    def reach(self) -> Reach:
-        """Computes the reach of the crank or of a driven cylinder."""
-        is_cylinder = self.input == CYLINDER
-        return self._reach_of_cylinder() if is_cylinder else self._reach_of_crank()
-
-    def _reach_of_cylinder(self) -> Reach:
-        arcs = self.loop_of(Description(('rod',), OPEN)).arcs()
-        limits = ('crank and frame are in line at the ends of its stroke',)
-        return Reach('inverted slider-crank', arcs, period_turns=0, limits=limits, slides=True)
-
-    def _reach_of_crank(self) -> Reach:
+    def reach_of_crank(self) -> Reach:
+        """See `SlideDriven`."""
         r, d, _ = self._lengths()
         least, other, *_ = self._sums()
         loop = self.loop_of(Description(('crank',), OPEN))
@@ -374,7 +329,7 @@ class InvertedSliderCrank(Mechanism):
         """
         if name != 'rod':
             return super().stroke(what, name)
-        square, angle = self.loop().square, self.frame.angle
+        square, angle = self.loop_of(self.description).square, self.frame.angle
         if square.limits:
             raise ConfigurationError(
                 f'{what}: this rod has no stroke with fixed ends, because its crank does not turn '
@@ -390,8 +345,8 @@ class InvertedSliderCrank(Mechanism):
         A = A0.along(0, crank.length)
         B0 = Point.at(self.frame.length * direction(self.frame.angle), 3)
         # The barrel is drawn to E: as long as the rod allows or, if that is 0, as a slotted lever.
-        (short, _), (long, _) = self._ends()
-        mouth, is_cylinder = short or long, self.input == CYLINDER
+        triangle = Triangle.of((crank.length, self.frame.length), self.offset)
+        mouth = triangle.short[0] or triangle.long[0]
         return Structure(
             (
                 Link.turning('crank', crank, 0, A0),
@@ -407,8 +362,8 @@ class InvertedSliderCrank(Mechanism):
             {'A0': A0, 'A': A, 'B0': B0, 'E': B0.along(1, mouth, self.offset)},
             closure=Point.at(-B0.fixed, 3).along(0, crank.length),
             pins=(Pin('A0', None, 0), Pin('A', 0, 2), Pin('B0', None, 1)),
-            dyads=((0, 2),) if is_cylinder else ((1, 2),),
-            other_dyads=((1, 2),) if is_cylinder else ((0, 2),),
-            driven=2 if is_cylinder else 0,
+            dyads=((0, 2),) if self.drives_slide else ((1, 2),),
+            other_dyads=((1, 2),) if self.drives_slide else ((0, 2),),
+            driven=2 if self.drives_slide else 0,
             mouth='E',
         )  # fmt: skip

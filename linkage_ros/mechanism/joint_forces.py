@@ -91,8 +91,8 @@ class Reactions(NamedTuple):
         shaking_force: Force (x, y) of bearings and guide on the frame, N. It includes an external
             force on the slider, because that force originates outside the machine.
         shaking_moment: Moment on the frame about A0, including the drive's reaction, N m.
-        torque: Driving torque from the moment balance of the crank, N m; for a driven cylinder,
-            its force from the force balance of the rod, N.
+        torque: Driving torque from the moment balance of the crank, N m; if a rod or slider is
+            driven, the force along its guide from its force balance, N.
     """
 
     pins: dict[str, Vector]
@@ -136,11 +136,9 @@ def reactions(
         balance.solve_last_pin(j)
     sliding = [j for j, link in enumerate(model.links) if link.slides]
     guides, moments = zip(*map(balance.guide, sliding), strict=True) if sliding else ((), ())
-    is_inside = model.links[model.driven].slides  # barrel and rod exert it on each other
-    torque = balance.driving_force if is_inside else balance.moment(model.driven)
+    torque, lever = balance.drive(model.driven)
     forces = tuple(balance.forces[pin.name] for pin in model.pins)
-    reaction = ZERO if is_inside else torque
-    shaking_moment = -balance.moment(_FRAME) - reaction
+    shaking_moment = -balance.moment(_FRAME) - lever * torque
     return forces, guides, shaking_force, shaking_moment, torque, moments
 
 
@@ -306,6 +304,20 @@ class _Balance:
         if unknown and not self._links[j].slides:
             (pin,), force = unknown, self.force(j)
             self._add_pin_force(pin, force if pin.second == j else -force)
+
+    def drive(self, j: int) -> tuple[Real, Real]:
+        """Computes what drives a link, from the balance of that link.
+
+        Returns:
+            The torque, N m, or force, N; and the moment about A0 of a unit of it, which acts in
+            reverse on the frame: 1 for a torque, ZERO if another link exerts the force.
+        """
+        if not self._links[j].slides:
+            return self.moment(j), 1.0
+        axis = self._directions[j]
+        if not self._links[j].is_guided:
+            return self.driving_force, ZERO
+        return dot(axis, self.force(j)), cross(self._slid[j], axis)
 
     def guide(self, j: int) -> tuple[Real, Real]:
         """Computes the force and the moment of a guide on its slider; see `Reactions`."""

@@ -146,7 +146,7 @@ class Reach(NamedTuple):
             values differ from 0.
         fast: Crank angle, rad. Near this angle and half a turn away, the output may move fast.
         width: Half-width of these two regions, rad; inf if there are none.
-        slides: Whether the driven link slides, so that its position replaces the crank angle.
+        driven: What is driven: 'crank', 'cylinder' or 'slider'.
     """
 
     grashof: str
@@ -158,7 +158,12 @@ class Reach(NamedTuple):
     equalities: tuple[str, ...] = ()
     fast: float = 0.0
     width: float = math.inf
-    slides: bool = False
+    driven: str = 'crank'
+
+    @property
+    def slides(self) -> bool:
+        """Whether the driven link slides, so that its position replaces the crank angle."""
+        return self.driven != 'crank'
 
     @property
     def turns_fully(self) -> bool:
@@ -204,9 +209,8 @@ class Reach(NamedTuple):
             f'{math.degrees(end):.6g} deg'
             for start, end in self.arcs
         )
-        link = 'cylinder' if self.slides else 'crank'
         return (
-            f'the {link} of this {self.grashof} linkage cannot {purpose}: '
+            f'the {self.driven} of this {self.grashof} linkage cannot {purpose}: '
             f'{"; ".join(self.limits)}{cures}; it reaches {arcs}'
         )
 
@@ -273,8 +277,8 @@ class State(NamedTuple):
         velocity: Angular velocities of the links, rad/s; for a slider, its velocity, m/s.
         acceleration: Angular accelerations of the links, rad/s^2; for a slider, its
             acceleration, m/s^2.
-        torque: Driving torque on the crank, N m, positive counter-clockwise; force of a driven
-            cylinder, N, positive if it lengthens the cylinder.
+        torque: Driving torque on the crank, N m, positive counter-clockwise; force on a driven
+            slider or rod, N, along its guide: it lengthens a cylinder if positive.
         conditions: The conditions under which the state was computed.
         links: Names of the links.
     """

@@ -14,18 +14,30 @@ map as for a four-bar (`transmission`),
     sin^2(mu/2) = (b-e-r)/2b + (r/b) sin^2(theta/2)
 
 from which beta = pi/2 -+ mu and x = r cos alpha + b cos beta follow without division.
+
+If the slider is driven, its position x gives h, half the angle alpha - beta (`driven_slide`):
+
+    e^(i (alpha + beta)/2) = (x + i e) [(r+b) cos h - i (r-b) sin h] / L^2       L^2 = x^2 + e^2
+    h' = -x / [4rb sin h cos h]
+    alpha' = [2b ((r+b) cos^2 h - (r-b) sin^2 h) h' - e] / L^2
+    beta' = -[2r ((r+b) cos^2 h + (r-b) sin^2 h) h' + e] / L^2
+
+and the second derivatives, with h'' in the place of h' and x (alpha' + beta') in that of e. If
+r = b and e = 0, (alpha + beta)/2 is the guide's direction. These formulas were derived for this
+project.
 """
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple, NoReturn
+from typing import Any, ClassVar, NamedTuple
 
-from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
-from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, dot, require, sqrt, turned
-from linkage_ros.mechanism.base import Mechanism
+from linkage_ros.errors import ConfigurationError, MechanismError
+from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, sqrt, turned
+from linkage_ros.mechanism.base import Description
+from linkage_ros.mechanism.driven_slide import CRANK, SlideDriven, Triangle
 from linkage_ros.mechanism.dyads import dyads_field
-from linkage_ros.mechanism.kinematics import LinkPose, Pose, Reach, Stroke, bends, directions
+from linkage_ros.mechanism.kinematics import LinkPose, Pose, Reach, Stroke
 from linkage_ros.mechanism.loads import loads_field
 from linkage_ros.mechanism.parts import (
     CROSSED,
@@ -41,12 +53,15 @@ from linkage_ros.mechanism.transmission import Square, Transmission
 from linkage_ros.numeric import (
     HALF_PI,
     Real,
+    exact_sum,
     nearest_turns,
     rounded,
     short_sum,
     two_sum,
 )
 from linkage_ros.quantities import quantity
+
+SLIDER = 'slider'  # value of `input` if the slider is driven
 
 
 class SliderCrankLoop(NamedTuple):
@@ -59,7 +74,6 @@ class SliderCrankLoop(NamedTuple):
         crank: Length r of the crank, m.
         coupler: Length b of the coupler, m.
         offset: Offset e of the guide, m.
-        refuse: Function that rejects a position of the slider.
     """
 
     transmission: Transmission
@@ -68,7 +82,6 @@ class SliderCrankLoop(NamedTuple):
     crank: float
     coupler: float
     offset: float
-    refuse: Opaque
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the pose at a crank angle.
@@ -107,66 +120,98 @@ class SliderCrankLoop(NamedTuple):
         )
 
 
-class BySlider(SliderCrankLoop):
+class BySlider(NamedTuple):
     """The kinematic constants of a slider-crank with the slider's position as its coordinate.
 
     This position determines the motion at the dead centres of a crank that cannot turn fully.
-    `side` is 1 if the crank pin lies to the left of the line from A0 to B, -1 if to the right.
+
+    Attributes:
+        side: 1 if the crank pin lies to the left of the line from A0 to B, -1 if to the right;
+            with a change point, this holds at positive positions.
+        guide: Cosine and sine of the guide's direction.
+        lengths: Lengths r and b of crank and coupler, m.
+        ground: r - b and r + b, m; r - b is ZERO if A0 and B can meet.
+        offset: Offset e of the guide, m.
+        growth: 2 sqrt(r b), m.
+        triangle: The triangle A0, A, B.
+        refuse: Function that rejects a position of the slider.
     """
+
+    side: int
+    guide: Vector
+    lengths: tuple[float, float]
+    ground: tuple[Real, float]
+    offset: float
+    growth: float
+    triangle: Triangle
+    refuse: Opaque
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the pose at a position of the slider, m."""
         (slide,) = q
-        r, b, e, guide = self.crank, self.coupler, self.offset, self.guide
-        square = slide * slide + e * e
-        stretch, fold = (r + b) * (r + b) - square, square - (r - b) * (r - b)
-        require(stretch > 0, self.refuse, slide)
-        require(fold > 0, self.refuse, slide)
-        root = self.side * (sqrt(stretch) * sqrt(fold))
-        # In the guide's axes.
-        crank, coupler = directions(Vector(slide, e), square, root, r, b)
-        over_r, over_b, cosine = 2 * b / root, 2 * r / root, dot(crank, coupler)
-        one, other = -coupler.x * over_r, crank.x * over_b
-        squares = one * one, other * other
-        bend, other_bend = bends((r, b), (over_r, over_b), cosine, squares)
+        (r, b), e, side, least = self.lengths, self.offset, self.side, self.triangle.least
+        fold, stretch = self.triangle.roots(slide, self.refuse)
+        cosine, sine = fold / self.growth, side * stretch / self.growth
+        # h' and h''.
+        slope = 1.0 if least is ZERO else slide / fold
+        change = slope * slide / (stretch * stretch)
+        if least is not ZERO:
+            change = change - least / (fold * fold * fold)
+        turn, bend = -side * slope / stretch, -side * change / stretch
+        near, far = self.ground
+        if near is ZERO:
+            half_way, slopes, bends = Vector(1.0, ZERO), (turn, -turn), (bend, -bend)
+        else:
+            over = 1.0 / (slide * slide + e * e)
+            half_way = turned(Vector(slide, e), far * cosine, -near * sine) * over
+            square, other = cosine * cosine, sine * sine
+            one, two = 2 * b * (far * square - near * other), 2 * r * (far * square + near * other)
+            slopes = (one * turn - e) * over, (-two * turn - e) * over
+            both = slide * (slopes[0] + slopes[1])
+            bends = (one * bend - both) * over, (-two * bend - both) * over
         links = []
-        for link, rate, change in ((crank, one, bend), (coupler, other, other_bend)):
-            way = turned(link, guide.x, guide.y)
-            links.append(LinkPose(atan2(way.y, way.x), way, (rate,), (change,)))
-        return Pose((*links, LinkPose(slide, guide, (1.0,), (ZERO,))), (root / (-2 * r * b),))
+        for across, rate, second in zip((sine, -sine), slopes, bends, strict=True):
+            way = turned(turned(half_way, cosine, across), self.guide.x, self.guide.y)
+            links.append(LinkPose(atan2(way.y, way.x), way, (rate,), (second,)))
+        return Pose((*links, LinkPose(slide, self.guide, (1.0,), (ZERO,))), (-2 * sine * cosine,))
 
 
 @dataclass(frozen=True)
-class SliderCrank(Mechanism):
+class SliderCrank(SlideDriven):
     """A slider-crank: crank A0-A, coupler A-B, slider at B on a straight guide.
 
     Attributes:
-        crank: Driven link, from A0, the origin.
+        crank: Link from A0, the origin; driven, or the output link of a driven slider.
         coupler: Connecting rod, from the crank pin A to B.
-        slider: Output link, at B. Its position is measured along the guide from the foot of the
-            perpendicular from A0.
+        slider: Output link or driven link, at B. Its position is measured along the guide from
+            the foot of the perpendicular from A0.
         frame: Fixed link with the direction of the guide.
         assembly: 'open' if the slider is ahead of the crank pin when the crank points along the
             guide, 'crossed' if the slider is behind it. With a change point, this holds at the
-            guide's angle reduced by whole turns to [-pi, pi].
+            guide's angle reduced by whole turns to [-pi, pi]. If the slider is driven: side of the
+            crank pin A from the line from A0 to B, 'open' for left, 'crossed' for right; with a
+            change point, this holds at positive positions of the slider.
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Loads, such as `Force` and `Friction`.
         dyads: Dyads that the linkage carries.
+        input: Driven joint: 'crank' or 'slider'.
     """
 
-    other_coordinates: ClassVar[tuple[str, ...]] = ('slider',)
+    slide: ClassVar[str] = 'slider'
+    slide_input: ClassVar[str] = SLIDER
 
     crank: Body
     coupler: Coupler
     slider: Slider = field(default_factory=Slider)
     frame: Guide = field(default_factory=Guide)
     assembly: str = quantity(
-        'choice', 'side of the crank pin on which the slider is', choices=(OPEN, CROSSED),
-        default=OPEN,
+        'choice', 'side of the crank pin on which the slider is; with input: slider, side of the '
+        'pin A from the line from A0 to B', choices=(OPEN, CROSSED), default=OPEN,
     )  # fmt: skip
     gravity: tuple[float, float] = gravity_quantity()
     loads: tuple[Any, ...] = loads_field()
     dyads: tuple[Any, ...] = dyads_field()
+    input: str = quantity('choice', 'driven joint', choices=(CRANK, SLIDER), default=CRANK)
 
     def require_closed(self) -> None:
         """See `Mechanism.require_closed`.
@@ -175,7 +220,13 @@ class SliderCrank(Mechanism):
             MechanismError: The offset is too large.
         """
         r, b, e = self._lengths()
-        if short_sum(self._longest(), abs(e), -r, -b) > 0:
+        beyond = short_sum(self._longest(), abs(e), -r, -b)
+        if beyond == 0 and self.drives_slide:
+            raise MechanismError(
+                f'the offset of the slider, {e:g} m, is equal to crank + coupler, so that the '
+                'slider cannot move; bring the offset nearer to 0, or lengthen crank or coupler'
+            )
+        if beyond > 0:
             raise MechanismError(
                 f'the offset of the slider, {e:g} m, is farther from 0 than crank + coupler, by '
                 f'{math.fsum((abs(e), -r, -b)):.6g} m: the loop cannot close; bring the offset '
@@ -222,25 +273,25 @@ class SliderCrank(Mechanism):
             sqrt(r / b) * (-1 if nearest_turns(guide) % 2 else 1),
             cos=Square.of(far / (2 * b), short_sum(longest, b, e, r) / (2 * b)),
             sin=Square.of(near / (2 * b), short_sum(longest, b, -e, r) / (2 * b)),
-            refuse=Opaque(lambda crank: self.reach().refuse(crank)),
+            refuse=Opaque(lambda crank: self.reach_of_crank().refuse(crank)),
         )
 
-    def loop(self) -> SliderCrankLoop:
-        """Returns the kinematic constants; the coordinate is the crank angle."""
-        transmission, guide = self._transmission(), Vector.at(self.frame.angle)
-        lengths, side = self._lengths(), 1 if self.assembly == OPEN else -1
-        return SliderCrankLoop(transmission, side, guide, *lengths, Opaque(self._refuse_slide))
+    def loop_of(self, description: Description) -> SliderCrankLoop | BySlider:
+        """Returns the kinematic constants by the crank angle or by the slider's position."""
+        (r, b, e), guide = self._lengths(), Vector.at(self.frame.angle)
+        side = 1 if description.assembly == OPEN else -1
+        if description.coordinates == (CRANK,):
+            return SliderCrankLoop(self._transmission(), side, guide, r, b, e)
+        triangle, near = self._triangle(), short_sum(self._longest(), r, -b)
+        meets = triangle.least is ZERO and near == 0
+        return BySlider(
+            side, guide, (r, b), (ZERO if meets else near, exact_sum(r, b)), e,
+            2 * math.sqrt(r * b), triangle, Opaque(lambda x: self.reach_of_slide().refuse(x)),
+        )  # fmt: skip
 
-    def other_loop(self) -> BySlider:
-        """Returns the kinematic constants; the coordinate is the slider's position."""
-        return BySlider(*self.loop())
-
-    def _refuse_slide(self, slide: float) -> NoReturn:
-        raise UnreachableError(
-            f'with the slider at {slide:.9g} m, crank and coupler do not reach it or are in line',
-            crank_angle=math.nan,
-            arcs=(),
-        )
+    def _triangle(self) -> Triangle:
+        r, b, e = self._lengths()
+        return Triangle.of((r, b), e)
 
     def stroke(self, what: str, name: str) -> Stroke:
         """See `Mechanism.stroke`; at its ends, crank and coupler are in line.
@@ -250,6 +301,11 @@ class SliderCrank(Mechanism):
         """
         if name != 'slider':
             return super().stroke(what, name)
+        if self.drives_slide:
+            raise ConfigurationError(
+                f'{what}: the slider is driven, so that its stroke has no fixed ends; use a load '
+                'over position'
+            )
         if self.grashof != 'crank-slider':
             raise ConfigurationError(
                 f'{what}: this {self.grashof} linkage has no stroke with fixed ends, because its '
@@ -263,8 +319,14 @@ class SliderCrank(Mechanism):
         far, near = found
         return Stroke(far, near)
 
-    def reach(self) -> Reach:
-        """Computes the reach of the crank."""
+    def reach_of_slide(self) -> Reach:
+        """See `SlideDriven`."""
+        limits = ('crank and coupler are in line at the ends of its stroke',)
+        arcs = self._triangle().arcs()
+        return Reach('slider-crank', arcs, period_turns=0, limits=limits, driven=SLIDER)
+
+    def reach_of_crank(self) -> Reach:
+        """See `SlideDriven`."""
         return self._transmission().reach(self.grashof, self._sums(), self._cures())
 
     def _cures(self) -> Iterator[str]:
@@ -293,6 +355,7 @@ class SliderCrank(Mechanism):
             {'A0': A0, 'A': A, 'B': B, **coupler_point(coupler, A)},
             closure=B,
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2)),
-            dyads=((1, 2),),
-            other_dyads=((0, 1),),
+            dyads=((0, 1),) if self.drives_slide else ((1, 2),),
+            other_dyads=((1, 2),) if self.drives_slide else ((0, 1),),
+            driven=2 if self.drives_slide else 0,
         )  # fmt: skip

@@ -40,7 +40,7 @@ from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.mechanism.wrenches import FRAME, Exerted, ExertedForce, Wrench, place, poses
 from linkage_ros.numeric import Real, real_numbers, require_finite, single_numbers
 from linkage_ros.quantities import shown
-from linkage_ros.units import rad_and_deg
+from linkage_ros.units import SLIDING, TURNING, place_words
 
 _ROUND = 'q', 'u', 'a', 'search'  # arguments of `joint_load_round`
 _ROUNDS = 10_000
@@ -80,10 +80,10 @@ class Solver:
     """Exact solver for a mechanism.
 
     The coordinates are the crank angle and, for a wind pump, the slider's position; for a driven
-    cylinder, the rod's position. With one coordinate, q, u and a are floats or arrays; with more,
-    sequences of floats or arrays. A tuple always holds one value per coordinate, even if there is
-    only one. Arrays broadcast. For a driven cylinder, each torque is its force, N, positive if it
-    lengthens the cylinder.
+    cylinder or slider, its position. With one coordinate, q, u and a are floats or arrays; with
+    more, sequences of floats or arrays. A tuple always holds one value per coordinate, even if
+    there is only one. Arrays broadcast. If a sliding link is driven, each torque is a force, N,
+    along its guide; it lengthens a cylinder if positive.
 
     A state holds the `Conditions` under which it was computed, so that methods that take a state
     need nothing else.
@@ -824,14 +824,15 @@ def _add_force(found: dict[str, ExertedForce], new: ExertedForce) -> None:
 
 
 def _refuse_angle(mechanism: Mechanism, reason: str, crank: float, *_: float) -> NoReturn:
-    """Rejects a crank angle, rad.
+    """Rejects a crank angle, rad, or a position of a driven link that slides, m.
 
     Raises:
         UnreachableError: Always. The message includes the reason.
     """
     reach = reach_of(mechanism)
+    slides = reach is not None and reach.slides
     raise UnreachableError(
-        f'at {rad_and_deg(crank)} {reason}',
+        f'at {place_words(crank, SLIDING if slides else TURNING)} {reason}',
         crank_angle=crank, arcs=reach.arcs if reach else (),
     )  # fmt: skip
 

@@ -112,6 +112,13 @@ class Link(NamedTuple):
         """Whether the link slides on the frame, so that it does not turn."""
         return self.slides and self.parent is None
 
+    @property
+    def driven_word(self) -> str:
+        """What the link is called if its joint is driven: 'crank', 'cylinder' or 'slider'."""
+        if not self.slides:
+            return 'crank'
+        return 'slider' if self.is_guided else 'cylinder'
+
     def spin(self, index: int) -> int | None:
         """Returns the index of the link whose angle gives the direction of this one.
 
@@ -405,8 +412,8 @@ class Structure(NamedTuple):
 def output_index(links: Sequence[Link], driven: int) -> int:
     """Returns the index of the output link, whose travel is shown.
 
-    It is the last link; for a cylinder, the crank if the cylinder is driven, else the barrel,
-    whose swing is that of a slotted lever.
+    It is the last link or, if that is driven, the crank; for a cylinder whose crank is driven, the
+    barrel, whose swing is that of a slotted lever.
 
     Args:
         links: The moving links of a mechanism.

@@ -99,7 +99,7 @@ def extremes_between(solver: Solver, low: float, high: float) -> tuple[float, fl
 
     Args:
         solver: Solver of a mechanism with one degree of freedom.
-        low: Smallest crank angle, rad, or position of a driven cylinder, m; within its reach.
+        low: Smallest crank angle, rad, or position of a driven slide, m; within its reach.
         high: The largest one.
 
     Returns:

@@ -83,7 +83,7 @@ def joint_rows(
         links: The links of the open tree.
         state: State of the mechanism.
         unwrapped: Position of the driven link: crank angle including all turns, rad, or position
-            of a cylinder, m; or the measured value of its joint.
+            of a slide, m; or the measured value of its joint.
         joints: The joint of each link; by default, those of the open tree.
         driven: Index of the driven link.
 

@@ -49,7 +49,7 @@ def make_urdf(
         joint_prefix: Prefix of all joint and link names, except frame_id.
         frame_id: Name of the root link, which carries the fixed pivots.
         ros2_control: Whether to add a ros2_control tag, with which a controller drives the crank,
-            or the cylinder, of a node.
+            cylinder or slider of a node.
 
     Returns:
         The URDF as XML text.

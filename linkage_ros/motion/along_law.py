@@ -143,7 +143,7 @@ class LawMotion(Motion):
         Args:
             stamp: Stamp at which to leave, ns.
             stamps: Stamps of the points, ns, increasing, after `stamp`.
-            angles: Crank angles at the points, with all turns, rad; positions of a cylinder, m.
+            angles: Crank angles at the points, with all turns, rad; positions of a slide, m.
             slopes: Rates, or rates and accelerations, at the points; see `joined`.
 
         Returns:

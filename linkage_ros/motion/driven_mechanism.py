@@ -41,7 +41,7 @@ class DrivenMechanism:
 
     Attributes:
         solver: Solver of the mechanism in the current coordinates.
-        torque: Torque on the crank, N m, as a function of its speed, rad/s; for a driven cylinder,
+        torque: Torque on the crank, N m, as a function of its speed, rad/s; for a driven slide,
             force, N, as a function of its rate, m/s.
         middle: If a driven crank is not a coordinate, the middle of the arc on which it moves,
             rad.
@@ -190,7 +190,7 @@ class DrivenMechanism:
     def arc_middle(self, crank: float) -> float:
         """Returns the middle of the arc on which the crank moves, rad, within pi of its angle.
 
-        A position of a driven cylinder, m, is returned as it is.
+        A position of a driven slide, m, is returned as it is.
         """
         mobility = self.solver.mobility
         if mobility is None or mobility.slides:

@@ -58,7 +58,7 @@ def _direction(angle: int) -> tuple[float, float]:
 
 
 class Moment(NamedTuple):
-    """The motion of the driven joint at a time; a cylinder's values are in m instead of rad.
+    """The motion of the driven joint at a time; a sliding joint's values are in m instead of rad.
 
     Attributes:
         turns: Whole turns to add to the angle.
@@ -94,7 +94,7 @@ class Sine(NamedTuple):
         amplitude: Amplitude, rad.
         frequency: Frequency, Hz.
         phase: Phase at t = 0, rad.
-        slides: Whether it is the law of a cylinder, whose center and amplitude are in m.
+        slides: Whether it is the law of a sliding joint, whose center and amplitude are in m.
     """
 
     center: float
@@ -177,7 +177,7 @@ class Spline(NamedTuple):
             angle there. Without it, the law repeats, or the motion ends at the last point.
         turns: Whole turns by which the crank advances each time that the law repeats; None if it
             does not repeat.
-        slides: Whether it is the law of a cylinder, whose coefficients are in m/s^n.
+        slides: Whether it is the law of a sliding joint, whose coefficients are in m/s^n.
     """
 
     times: tuple[int, ...]

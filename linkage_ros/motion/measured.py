@@ -121,7 +121,7 @@ class FollowMotion:
         Args:
             bandwidth: Bandwidth of the filter, Hz; 0 to set rates and accelerations to 0.
             period_turns: Number of crank turns after which the mechanism's motion repeats; 0 for a
-                cylinder, which has no turns.
+                slide, which has no turns.
         """
         self._period_turns = period_turns
         w = 2 * math.pi * bandwidth
@@ -134,7 +134,7 @@ class FollowMotion:
 
         Args:
             stamp: Time of the measurement, ns.
-            position: Crank angle, rad, or position of a cylinder, m.
+            position: Crank angle, rad, or position of a slide, m.
             velocity: Its rate, rad/s or m/s; None or NaN if it is not measured.
 
         Returns:

@@ -145,11 +145,11 @@ class Coordinates(NamedTuple):
 
     Attributes:
         q: Crank angle, rad, reduced to the range of two turns, after which every state repeats;
-            for a wind pump also the slider's position, m; for a driven cylinder its position, m.
+            for a wind pump also the slider's position, m; for a driven slide its position, m.
         u: Rates of the coordinates, rad/s and m/s.
         a: Accelerations of the coordinates, rad/s^2 and m/s^2.
         unwrapped: Position of the driven joint, correctly rounded: crank angle including all
-            turns, rad, or position of a cylinder, m.
+            turns, rad, or position of a slide, m.
         state: The state, if the motion may be in another assembly so that the coordinates do not
             determine the state; otherwise None.
         conditions: Conditions of the state.

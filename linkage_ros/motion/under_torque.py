@@ -33,21 +33,22 @@ _ROUNDINGS = 8  # largest number of conversions to joint angles and back; see `l
 class Motor(Checked):
     """A motor whose torque decreases linearly with the crank speed.
 
-    On a cylinder, it is a force that decreases with the cylinder's rate.
+    On a driven slide, it is a force that decreases with its rate.
 
     Attributes:
-        torque: Torque at rest, N m, positive counter-clockwise; force that lengthens a cylinder,
+        torque: Torque at rest, N m, positive counter-clockwise; force on a driven slide,
             N.
-        damping: Decrease in torque per unit of crank speed, N m s; N s/m for a cylinder.
+        damping: Decrease in torque per unit of crank speed, N m s; N s/m for a slide.
     """
 
     torque: float = quantity(
-        'number', 'motor torque at rest, counter-clockwise positive; force that lengthens a '
-        'driven cylinder', 'N m or N', span=(-1e12, 1e12), live=True, default=0.0,
+        'number', 'motor torque at rest, counter-clockwise positive; force on a driven '
+        'slider, or force that lengthens a driven cylinder',
+        'N m or N', span=(-1e12, 1e12), live=True, default=0.0,
     )  # fmt: skip
     damping: float = quantity(
         'number',
-        'decrease of motor torque per crank speed, or of force per rate of a cylinder',
+        'decrease of motor torque per crank speed, or of force per speed of a cylinder or slider',
         'N m s or N s/m',
         span=(0.0, 1e12),
         default=0.0,

@@ -324,8 +324,11 @@ def count_states(
         end = math.ceil(Fraction(repr(float(duration))) * NS_PER_S)
     else:
         _REVOLUTIONS.clean('revolutions', revolutions)
-        if simulator.solver.structure.driven_link.slides:
-            raise ConfigurationError('a driven cylinder makes no revolutions: give a --duration')
+        driven = simulator.solver.structure.driven_link
+        if driven.slides:
+            raise ConfigurationError(
+                f'a driven {driven.driven_word} makes no revolutions: give a --duration'
+            )
         if (turned := motion.time_to_turn(revolutions)) is None:
             return None
         end = turned

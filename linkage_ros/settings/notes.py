@@ -50,7 +50,7 @@ def _zero(configuration: Configuration) -> Iterator[str]:
     is_given = link.name in given and given[link.name].zero is not None
     if not configuration.drive.is_measured or joint.name == own.name or is_given:
         return
-    meaning = 'a rod at 0 m' if link.slides else 'the direction of +x'
+    meaning = f'a {link.name} at 0 m' if link.slides else 'the direction of +x'
     yield (
         f"joints.{link.name}.zero is not given, so zero 0: {joint.name}'s 0 is taken as {meaning}"
     )

@@ -19,7 +19,7 @@ def summary(configuration: Configuration, solver: Solver) -> str:
     """
     words = [configuration.kind.mechanism, configuration.mechanism.assembly]
     if reach := solver.mobility:
-        words.append('driven cylinder' if reach.slides else reach.grashof)
+        words.append(f'driven {reach.driven}' if reach.slides else reach.grashof)
         if reach.turns_fully:
             words += travel(solver).words()
     drive = configuration.drive

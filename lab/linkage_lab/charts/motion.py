@@ -113,7 +113,7 @@ def motion(options: argparse.Namespace) -> None:
     period, title = shown[0]
     if len({(one.across, one.effort) for one in periods.values()}) > 1:
         raise ConfigurationError(
-            'a motion along a law is drawn over time, that of a driven cylinder over its position '
+            'a motion along a law is drawn over time, that of a driven slide over its position '
             'and with its force, the others over the crank angle: draw them separately, or give '
             '--rpm'
         )

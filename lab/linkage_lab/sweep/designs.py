@@ -34,8 +34,8 @@ def measured(task: Task, designs: Array) -> Array:
     base = flatten(task.mechanism)
     for row, design in zip(found, designs.tolist(), strict=True):
         given = dict(zip(task.names, design, strict=True))
-        speed = given.pop(SPEED if task.drives_cylinder else RPM, task.speed or 0.0)
-        speed = speed if task.drives_cylinder else speed * math.pi / 30
+        speed = given.pop(SPEED if task.drives_slide else RPM, task.speed or 0.0)
+        speed = speed if task.drives_slide else speed * math.pi / 30
         run = _run(task, with_values(base, given), speed)
         if isinstance(run, int):
             row[0] = run

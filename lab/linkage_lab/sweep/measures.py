@@ -24,7 +24,7 @@ class Way(NamedTuple):
     """A motion of the crank within an arc, which all designs make.
 
     Attributes:
-        low: Smallest crank angle of the motion, rad; for a driven cylinder, a position, m.
+        low: Smallest crank angle of the motion, rad; for a driven slide, a position, m.
         high: Largest crank angle.
         law: Law of the motion; None for a constant speed from the smallest angle to the largest.
         reversals: Crank angles at which the crank reverses.
@@ -55,7 +55,7 @@ class Task(NamedTuple):
 
     Attributes:
         mechanism: The base mechanism of all designs.
-        speed: Crank speed, rpm, or speed of a driven cylinder, m/s; None if the base has none.
+        speed: Crank speed, rpm, or speed of a driven slide, m/s; None if the base has none.
         names: The parameters in which designs differ.
         measures: Names of the measures.
         angles: Number of crank angles in a turn, or of samples of a motion within an arc.
@@ -72,8 +72,8 @@ class Task(NamedTuple):
     way: Way | None = None
 
     @property
-    def drives_cylinder(self) -> bool:
-        """Whether a cylinder is driven, not a crank."""
+    def drives_slide(self) -> bool:
+        """Whether a cylinder or a slider is driven, not a crank."""
         return self.mechanism.structure().driven_link.slides
 
     @property
@@ -87,7 +87,7 @@ class Samples(NamedTuple):
     """The motion of the driven joint at samples.
 
     Attributes:
-        x: Crank angles, rad, positions of a cylinder, m, or times of a law, s, increasing.
+        x: Crank angles, rad, positions of a slide, m, or times of a law, s, increasing.
         motion: Function of such places that returns the positions of the driven joint, rad or m;
             its speed; and, unless the speed is constant, its accelerations.
     """
@@ -207,14 +207,15 @@ class Need(NamedTuple):
 
 
 _SPEED = Need(
-    'a crank speed, such as rpm: 60.0 (of a cylinder, speed: 0.1), or a law, and no dry friction',
+    'a crank speed, such as rpm: 60.0 (of a cylinder or slider, speed: 0.1), or a law, and no dry '
+    'friction',
     lambda task: (
         (task.speed is not None or (task.way is not None and task.way.law is not None))
         and not task.mechanism.joint_loads()
     ),
 )
-_DRIVEN_CRANK = Need('a driven crank', lambda task: not task.drives_cylinder)
-_DRIVEN_CYLINDER = Need('a driven cylinder', lambda task: task.drives_cylinder)
+_DRIVEN_CRANK = Need('a driven crank', lambda task: not task.drives_slide)
+_DRIVEN_SLIDE = Need('a driven cylinder or slider', lambda task: task.drives_slide)
 _SWINGS = Need('an output link that swings', lambda task: not task.output_slides)
 _SLIDES = Need('a slider', lambda task: task.output_slides)
 _WHOLE_TURNS = Need('a crank that turns fully, without a law', lambda task: task.way is None)
@@ -266,14 +267,14 @@ def measure(
     return declared
 
 
-@measure('N', _SPEED, _DRIVEN_CYLINDER, name='peak_force')
+@measure('N', _SPEED, _DRIVEN_SLIDE, name='peak_force')
 @measure('N m', _SPEED, _DRIVEN_CRANK)
 def peak_torque(run: Run) -> float:
     """Computes the largest driving torque or force."""
     return float(run.peaks[0])
 
 
-@measure('N', _SPEED, _DRIVEN_CYLINDER, name='rms_force')
+@measure('N', _SPEED, _DRIVEN_SLIDE, name='rms_force')
 @measure('N m', _SPEED, _DRIVEN_CRANK)
 def rms_torque(run: Run) -> float:
     """Computes the root mean square over time of the driving torque or force."""

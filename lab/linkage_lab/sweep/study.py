@@ -33,7 +33,7 @@ class Settings(Checked):
         seed: Seed of the random numbers.
         angles: Number of crank angles per turn.
         rpm: Crank speed, rpm; None for the speed of the base.
-        speed: Speed of a driven cylinder, m/s, instead of `rpm`.
+        speed: Speed of a driven slide, m/s, instead of `rpm`.
         swing: Crank angles between which the crank moves at this speed, rad; None for the law of
             the base or, if it has none, whole turns.
         points: Points that the coupler point should pass through, as x, y, x, y, ..., m.
@@ -49,10 +49,10 @@ class Settings(Checked):
     angles: int = quantity('whole', 'crank angles in a turn', span=(12, 36000), default=360)
     rpm: float | None = quantity('number', 'crank speed', 'rpm', span=(-1e6, 1e6), default=None)
     speed: float | None = quantity(
-        'number', 'speed of a driven cylinder', 'm/s', span=(-1e6, 1e6), default=None
+        'number', 'speed of a driven cylinder or slider', 'm/s', span=(-1e6, 1e6), default=None
     )
     swing: tuple[float, float] | None = quantity(
-        'pair', 'crank angles between which the crank moves, or positions of a driven cylinder',
+        'pair', 'crank angles between which the crank moves, or positions of a driven slide',
         'rad or m', span=(-1e6, 1e6), default=None,
     )  # fmt: skip
     points: tuple[float, ...] | None = quantity(
@@ -136,7 +136,8 @@ def _speed(settings: Settings, drive: Any, joint: Any) -> float | None:
     """
     if joint.slides and settings.rpm is not None:
         raise ConfigurationError(
-            f'rpm = {settings.rpm!r}: the cylinder is driven, which has no rpm; give speed, m/s'
+            f'rpm = {settings.rpm!r}: the {joint.driven_word} is driven, which has no rpm; give '
+            'speed, m/s'
         )
     if not joint.slides and settings.speed is not None:
         raise ConfigurationError(
@@ -150,7 +151,7 @@ def _way(settings: Settings, drive: Any, joint: Any) -> Way | None:
     """Returns the motion of the crank within an arc; None for whole turns.
 
     Raises:
-        ConfigurationError: The swing is empty, or missing for a cylinder without a law.
+        ConfigurationError: The swing is empty, or missing for a driven slide without a law.
     """
     if settings.swing is not None:
         low, high = settings.swing
@@ -163,7 +164,8 @@ def _way(settings: Settings, drive: Any, joint: Any) -> Way | None:
     if law is None:
         if joint.slides:
             raise ConfigurationError(
-                'the cylinder is driven: give swing, the positions between which it moves, m'
+                f'the {joint.driven_word} is driven: give swing, the positions between which it '
+                'moves, m'
             )
         return None
     times = {0, law.duration, *law.extremes(math.inf, -math.inf)}

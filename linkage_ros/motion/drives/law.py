@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A crank or a cylinder that follows a law of motion."""
+"""A crank, cylinder or slider that follows a law of motion."""
 
 import functools
 import math
@@ -43,7 +43,7 @@ class Prescribed(Checked):
     Attributes:
         times: Times of the points, s, increasing from 0.
         angles: Crank angles at the points, rad.
-        positions: Positions of a driven cylinder at the points, m.
+        positions: Positions of a driven slide at the points, m.
         speeds: Speeds at the points, rad/s or m/s; None for a spline.
         accelerations: Accelerations at the points, rad/s^2 or m/s^2; only with `speeds`.
         file: CSV file with these lists as columns. It is read on creation, after which this field
@@ -63,7 +63,7 @@ class Prescribed(Checked):
         'list', 'crank angles at the points', 'rad', span=_ANGLES, default=None
     )
     positions: tuple[float, ...] | None = quantity(
-        'list', 'positions of a driven cylinder at the points, instead of angles', 'm',
+        'list', 'positions of a driven cylinder or slider at the points, instead of angles', 'm',
         span=_ANGLES, default=None,
     )  # fmt: skip
     speeds: tuple[float, ...] | None = quantity(
@@ -109,7 +109,7 @@ class Prescribed(Checked):
         if is_sine == bool(lists) or (lists and ('times' not in lists or len(places) != 1)):
             raise ConfigurationError(
                 'motion: give times and angles, or file, or amplitude and frequency; for a '
-                'cylinder, positions instead of angles'
+                'cylinder or slider, positions instead of angles'
             )
         of_other = (
             {'spline', 'repeat'} if is_sine else {'center', 'amplitude', 'frequency', 'phase'}
@@ -236,7 +236,7 @@ def _columns(path: str) -> dict[str, list[float]]:
 
 @dataclass(frozen=True)
 class LawDrive(TrajectoryFeedForward):
-    """A crank or a cylinder that follows a law of motion.
+    """A crank, cylinder or slider that follows a law of motion.
 
     Attributes:
         motion: The law.
@@ -248,7 +248,7 @@ class LawDrive(TrajectoryFeedForward):
 
     @property
     def crank_angle(self) -> float:
-        """The crank angle at t = 0, rad, or the position of a cylinder, m."""
+        """The crank angle at t = 0, rad, or the position of a slide, m."""
         return self.motion.law.at(0).angle
 
     def law(self, joint: Link) -> Law:

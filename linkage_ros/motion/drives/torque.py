@@ -34,7 +34,7 @@ _NO_LIMIT = 1e12  # default of torque_limit, N m or N
 
 @dataclass(frozen=True)
 class TorqueDrive(Drive):
-    """A drive that applies a torque to the crank, or a force to a cylinder.
+    """A drive that applies a torque to the crank, or a force to a cylinder or slider.
 
     Attributes:
         motor: The motor; commanded torques are added to its torque.
@@ -72,31 +72,44 @@ class TorqueDrive(Drive):
         angle, _ = within_two_turns(self.crank_angle)
         u = radians_per_second(self.start_rpm), *rates
         if mechanism.coordinates[0] != 'crank':
-            return self._start_of_cylinder(mechanism, angle, u[0])
+            return self._start_of_slide(mechanism, angle, u[0])
         return Coordinates((angle, *positions), u, (0.0,) * len(u), self.crank_angle)
 
-    def _start_of_cylinder(self, mechanism: Mechanism, crank: float, speed: float) -> Coordinates:
-        """Converts the start, crank angle, rad, and speed, rad/s, to those of a driven cylinder.
+    def _start_of_slide(self, mechanism: Mechanism, crank: float, speed: float) -> Coordinates:
+        """Converts the start, crank angle, rad, and speed, rad/s, to those of a driven slide.
+
+        The crank angle leaves two positions. The first is taken, that of the assembly `open` of
+        the same mechanism with a driven crank, unless only the second is in the assembly.
 
         Raises:
             ConfigurationError: The crank is on the side of the other assembly.
+            UnreachableError: The mechanism cannot be there.
         """
-        by_crank = Solver(mechanism, description=Description(mechanism.other_coordinates, OPEN))
-        state, driven = by_crank.state(crank, speed), by_crank.structure.driven
-        q, u = state.position[driven], state.velocity[driven]
-        found = {
-            assembly: Solver(replace(cast('Any', mechanism), assembly=assembly)).state(q).position
-            for assembly in (OPEN, CROSSED)
-        }
-        nearest = min(found, key=lambda x: abs(math.remainder(found[x][0] - crank, math.tau)))
-        if nearest != mechanism.assembly:
-            other = rad_and_deg(found[mechanism.assembly][0])
-            raise ConfigurationError(
+        word, wrong = mechanism.structure().driven_link.driven_word, ''
+        for way in (OPEN, CROSSED):
+            by_crank = Solver(mechanism, description=Description(mechanism.other_coordinates, way))
+            state, driven = by_crank.state(crank, speed), by_crank.structure.driven
+            q, u = state.position[driven], state.velocity[driven]
+            try:
+                found = {
+                    assembly: Solver(replace(cast('Any', mechanism), assembly=assembly)).state(q)
+                    for assembly in (OPEN, CROSSED)
+                }
+            except UnreachableError:
+                if wrong:  # the rod of a cylinder has one position
+                    break
+                raise
+            angles = {assembly: each.position[0] for assembly, each in found.items()}
+            nearest = min(angles, key=lambda x: abs(math.remainder(angles[x] - crank, math.tau)))
+            if nearest == mechanism.assembly:
+                return Coordinates((q,), (u,), (0.0,), q)
+            other = rad_and_deg(angles[mechanism.assembly])
+            wrong = wrong or (
                 f'crank_angle = {self.crank_angle:g}: is in assembly {nearest}; in '
                 f'{mechanism.assembly}, the crank is at {other} for this position of the '
-                'cylinder; change crank_angle or assembly'
+                f'{word}; change crank_angle or assembly'
             )
-        return Coordinates((q,), (u,), (0.0,), q)
+        raise ConfigurationError(wrong)
 
     def check(self, mechanism: Mechanism) -> None:
         """Checks that the motion can start.
@@ -164,7 +177,7 @@ class TorqueCommands(Input):
             timeout: Time for which a command acts, s.
             crank: Name of the driven joint.
             ratio: Ratio of the joint; the driving torque is its effort times the ratio.
-            unit: Unit of torques: N m for a crank, N for a cylinder.
+            unit: Unit of torques: N m for a crank, N for a slide.
         """
         self._unit = unit
         self.counts = dict.fromkeys((TAKEN, CUT, REJECTED), 0)
