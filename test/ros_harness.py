@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import rclpy
+from forked import Forked
 from joint_codec import JointStateCodec
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
@@ -93,11 +94,10 @@ def environment(domain):
     }
 
 
-def command(module, *arguments):
-    """Returns the command that runs a module of the package, or a program."""
-    place = 'node.linkage_node' if module == 'node' else f'programs.{module}'
-    words = [sys.executable, '-m', f'linkage_ros.{place}']
-    return [*(module if isinstance(module, list) else words), *map(str, arguments)]
+def command(program, *arguments):
+    """Returns the command line of a program, to start it as a new Python process."""
+    code = f'import sys; from linkage_ros.executables import {program} as run; sys.exit(run())'
+    return [sys.executable, '-c', code, *map(str, arguments)]
 
 
 def node_arguments(**parameters):
@@ -105,28 +105,47 @@ def node_arguments(**parameters):
     return ['--ros-args', *words]
 
 
+def _start(program, *arguments, **options):
+    if isinstance(program, list):
+        words = map(str, (*program, *arguments))
+        return subprocess.Popen([*words], **{'stdout': subprocess.PIPE, 'text': True, **options})
+    return Forked(program, *arguments, **options)
+
+
 @contextmanager
-def running(module, *arguments, domain, **options):
-    pipes = dict.fromkeys(('stdout', 'stderr'), subprocess.PIPE)
-    options = {'env': environment(domain), 'text': True, **pipes, **options}
-    process = subprocess.Popen(command(module, *arguments), **options)
+def running(program, *arguments, domain, **options):
+    """Runs a program for the duration of the block.
+
+    Args:
+        program: Program of `Forked`, or the words of a command, which starts a new process.
+        *arguments: Arguments of the program.
+        domain: DDS domain.
+        **options: Options of the process.
+
+    Yields:
+        The process.
+    """
+    options = {'env': environment(domain), 'stderr': subprocess.PIPE, **options}
+    process = _start(program, *arguments, **options)
     try:
         yield process
     finally:
-        if process.poll() is None:
-            process.kill()
+        process.kill()
         process.communicate()
+        if isinstance(process, Forked):
+            process.close()
 
 
 @contextmanager
-def watched(topics, *arguments, module='node', domain=None):
+def watched(topics, *arguments, program='node', domain=None, **options):
     """Starts a listener and a process in a domain of their own.
 
     Args:
         topics: Names, whose last word determines the type; or types by name.
         *arguments: Arguments of the process.
-        module: Module of the package to run.
+        program: Program to run; see `running`.
         domain: Domain to use instead of a new one.
+        **options: Options of the process.
 
     Yields:
         The listener and the process.
@@ -136,7 +155,7 @@ def watched(topics, *arguments, module='node', domain=None):
     domain = domain or fresh_domain()
     with (
         Listener(domain, topics) as listener,
-        running(module, *arguments, domain=domain) as process,
+        running(program, *arguments, domain=domain, **options) as process,
     ):
         yield listener, process
 
@@ -150,10 +169,11 @@ def stop(process, number=signal.SIGINT, code=0):
     return printed
 
 
-def finished(module, *arguments, **options):
-    """Runs a process to its end; returns it."""
-    options = {'env': environment(fresh_domain()), 'text': True, 'timeout': PATIENCE} | options
-    return subprocess.run(command(module, *arguments), capture_output=True, **options)
+def finished(program, *arguments, domain=None, **options):
+    """Runs a program to its end; returns its exit code and output."""
+    with running(program, *arguments, domain=domain or fresh_domain(), **options) as process:
+        printed = process.communicate(timeout=PATIENCE)
+        return subprocess.CompletedProcess(process.args, process.returncode, *printed)
 
 
 def assert_refused(code, out, err, words):

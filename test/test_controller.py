@@ -141,7 +141,7 @@ OTHERS = [
 
 def test_states_of_other_robots_and_without_velocity_change_no_command():
     law = SpeedController(MECHANISM, 150.0, 15.0, 0.0015)
-    with watched([COMMANDS], module='controller') as (listener, process):
+    with watched([COMMANDS], program='controller') as (listener, process):
         states = listener.node.create_publisher(JointState, 'joint_states', 10)
 
         def send(tick, **fields):
@@ -175,7 +175,7 @@ def test_controller_answers_in_the_robots_joint(tmp_path):
     joints = f'    joints: {{crank: {{name: motor, zero: 0.4, ratio: {ratio}}}}}\n'
     plant.write_text(f'{preset_path("quadrilateral").read_text().rstrip()}\n{joints}')
     arguments = node_arguments(plant=plant)
-    with watched([COMMANDS], *arguments, module='controller') as (listener, process):
+    with watched([COMMANDS], *arguments, program='controller') as (listener, process):
         states = listener.node.create_publisher(JointState, 'joint_states', 10)
         place, speed = 0.9, 15.2
         state = JointState(name=['motor'], position=[ratio * (place - 0.4)])

@@ -1,24 +1,19 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The commands, programs, links and figures of the pages work.
+"""The commands, programs and links of the pages work.
 
 Cheap commands are run as they are written; others are checked by the parser of their executable.
-`ros2` commands are compared with the package; other programs that are not installed are marked as
-'not tested'.
+`ros2` commands are compared with the package; other programs are marked as 'not tested'.
 """
 
-import os
 import re
-import signal
-import subprocess
-import sys
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from subprocess import STDOUT
 
 import pytest
 import yaml
-from forked import forked, run_forked
 from pages import (
     PAGES,
     ROOT,
@@ -31,7 +26,7 @@ from pages import (
     read,
     run_python,
 )
-from ros_harness import PATIENCE, Listener, environment, fresh_domain, wait_for
+from ros_harness import finished, stop, wait_for, watched
 from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
@@ -43,14 +38,14 @@ from linkage_ros.settings.configuration import configure, read_values
 from linkage_ros.settings.controller import ControllerSettings
 
 MODULES = {
-    'linkage_node': 'linkage_ros.node.linkage_node',
     'linkage_log': 'linkage_ros.programs.log_tool',
     'linkage_chart': 'linkage_lab.command_line',
     'linkage_export': 'linkage_lab.export',
     'linkage_import': 'linkage_lab.robots.import_tool',
-}  # fmt: skip
+}
 CHARTS = [('linkage_chart', word) for word in ('motion', 'movie', 'economy', 'sweep')]
 CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export', 'linkage_import')
+OTHER_PROGRAMS = ('pip', '.', 'rerun', 'rosbags-convert')
 # The programs of these pages need a log or a node; other tests run them.
 PYTHON_ELSEWHERE = {
     'docs/mcap.md': 'test/test_foreign_readers.py',
@@ -63,30 +58,24 @@ DOORS = links(README[README.index('## Start here') : README.index('## Set-up')])
 # ---------------------------------------------------------------- commands are understood
 
 
-def module_of(executable):
-    return MODULES.get(executable, executable.replace('linkage_', 'linkage_ros.programs.'))
-
-
 def without_ros2_run(words):
     """Removes `ros2 run linkage_ros`, which does not change the meaning of an executable."""
     is_run = words[:3] == ('ros2', 'run', 'linkage_ros') and '--enclave' not in words
     return words[3:] if is_run else words
 
 
-def check_executable(words, *, is_block):
+def check_executable(name, words, *, is_block):
     """Parses a command line; within a sentence it may be incomplete.
 
     Raises:
         SyntaxError: The executable rejects the command line.
     """
-    name, *rest = [word for word in words if word != '[options]']
+    words = [word for word in words if word not in ('[options]', '--help')]
     if name in ('linkage_node', 'linkage_controller'):
-        check_parameters(name, rest)
-        return
-    parser = import_module(module_of(name))._parser()
+        return check_parameters(name, words)
+    module = MODULES.get(name, name.replace('linkage_', 'linkage_ros.programs.'))
     try:
-        if '--help' not in rest:
-            parser.parse_args(rest)
+        import_module(module)._parser().parse_args(words)
     except SyntaxError as error:
         if is_block or 'are required' not in str(error):
             raise
@@ -127,43 +116,25 @@ def is_known_to_ros2(words):
     return True
 
 
-def knows(program, options):
-    """Returns whether a program that is not part of the package has these options."""
-    if program.endswith('.py'):
-        code, text = run_forked(program, '--help', folder=Path.cwd())
-    else:
-        words = [Path(sys.executable).parent / program, *options[: 2 * (options[0] == 'mcap')]]
-        done = subprocess.run([*words, '--help'], capture_output=True, text=True, check=False)
-        code, text = done.returncode, done.stdout
-    assert code == 0, text
-    assert 'usage' in text.lower(), f'{program}: its help does not show how it is used'
+def knows(script, options=()):
+    """Returns whether a script of this clone has these options."""
+    done = finished(ROOT / script, '--help')
+    assert done.returncode == 0, done.stderr
     wanted = {word for word in options if word.startswith('--')}
-    return wanted <= set(re.findall(r'--[\w-]+', text))
+    return wanted <= set(re.findall(r'--[\w-]+', done.stdout))
 
 
 def check_command(words, *, is_block, near):
     """Checks that a command is valid, or marked as not tested."""
-    words = without_ros2_run(words)
-    name, *rest = words
+    name, *rest = without_ros2_run(words)
     if name.startswith('linkage_'):
-        check_executable(words, is_block=is_block)
+        check_executable(name, rest, is_block=is_block)
     elif name == 'make':
         targets = re.findall(r'^(\w+):', (ROOT / 'Makefile').read_text(), re.MULTILINE)
         assert set(rest) <= set(targets), words
-    elif name == '.':
-        assert rest == ['.venv-*/bin/activate']
-        assert '\nVENV := .venv-' in (ROOT / 'Makefile').read_text()
-    elif name == 'pytest':
-        assert all((ROOT / path).exists() for path in rest), words
-    elif name == 'pip':
-        folder = rest[1].removeprefix('src/linkage_ros/').partition('[')[0]
-        known = (ROOT / 'setup.py').read_text()
-        assert (ROOT / folder / 'pyproject.toml').is_file() or folder in known, words
     elif name == 'python':
-        assert knows(str(ROOT / rest[0]), rest), words
-    elif name in ('rerun', 'rosbags-convert'):
-        assert knows(name, rest), words
-    elif not (name == 'ros2' and is_known_to_ros2(rest)):
+        assert knows(rest[0], rest), words
+    elif name not in OTHER_PROGRAMS and not (name == 'ros2' and is_known_to_ros2(rest)):
         marked = re.search(r'not\s+tested', near, re.IGNORECASE)
         assert marked, f'{" ".join(words)}: test it or say so'
 
@@ -197,34 +168,29 @@ def test_commands_are_understood_or_marked_as_not_tried(page, tmp_path):
 
 
 SCRIPTS = [
-    str(path)
+    path
     for folder in ('docs', 'benchmarks')
     for path in sorted((ROOT / folder).glob('*.py'))
     if '__main__' in path.read_text()
 ]
 
 
-@pytest.mark.parametrize('path', SCRIPTS, ids=lambda path: Path(path).name)
+@pytest.mark.parametrize('path', SCRIPTS, ids=lambda path: path.name)
 def test_every_script_has_help(path):
-    assert knows(path, [])
+    assert knows(path)
 
 
 @pytest.mark.parametrize(
     ('line', 'found'),
     [
         ('linkage_record quadrilateral run.mcap --speed 3', 'unrecognized'),
-        ('linkage_record quadrilateral', 'required'),
         ('linkage_node --ros-args -p rmp:=60.0', 'rmp'),
         ('make tea', 'tea'),
         ('python benchmarks/delay.py --fast', '--fast'),
         ('ros2 bag play run.mcap', 'say so'),
         ('ros2 run linkage_ros linkage_log check run.mcap', 'invalid choice'),
         ('ros2 launch linkage_ros controller.launch.py speed:=600.0', 'speed'),
-        ('ros2 topic echo /joint_state', 'joint_state'),
-        ('ros2 param set /linkage_node crank.length 1.0', 'crank.length'),
         ('ros2 param set /linkage_node rpm fast', 'fast'),
-        ('LINKAGE_ROS_CASES=9 pytest test/test_hostage.py', 'hostage'),
-        ('. venv/bin/activate', 'venv'),
     ],
 )
 def test_wrong_command_is_detected(line, found):
@@ -243,30 +209,25 @@ def quick(words):
         words[words.index('--duration') + 1] = '1'
     if words[:2] == ['linkage_chart', 'economy']:
         words.append('--quick')
+    if words[:2] == ['linkage_chart', 'sweep']:
+        words += ['--workers', '1']
     return [*words, '--rate', '100'] if words[0] == 'linkage_replay' else words
 
 
 def run_node(words, folder):
     """Runs a node until its joint states arrive, then sends Ctrl-C."""
-    domain = fresh_domain()
-    variables = environment(domain)
     is_following = 'joint_states:=linkage/joint_states' in words
     topic = '/linkage/joint_states' if is_following else '/joint_states'
-    with (
-        Listener(domain, {topic: 'sensor_msgs/msg/JointState'}) as listener,
-        forked(module_of('linkage_node'), *words, folder=folder, variables=variables) as process,
-    ):
+    with watched([topic], *words, cwd=folder) as (listener, process):
         robot = listener.node.create_publisher(JointState, '/joint_states', 10)
 
         def has_answered():
             if is_following:
                 robot.publish(JointState(name=['crank'], position=[0.5]))
-            return len(listener.received[topic]) > 20 or not process.is_alive()
+            return len(listener.received[topic]) > 20 or process.poll() is not None
 
         wait_for(has_answered)
-        os.kill(process.pid, signal.SIGINT)
-        process.join(PATIENCE)
-        return process.exitcode, (folder / 'printed').read_text()
+        return stop(process)
 
 
 @pytest.fixture(scope='module')
@@ -283,14 +244,12 @@ def run_page(tmp_path_factory):
                 continue
             (folder / 'shown.rrd').unlink(missing_ok=True)
             name, *rest = quick(words)
-            code, text = 0, ''
             if name == 'linkage_node':
-                code, text = run_node(rest, folder)
+                run_node(rest, folder)
             elif name in CHEAP or words[:2] in CHARTS:
-                variables = environment(fresh_domain())
-                code, text = run_forked(module_of(name), *rest, folder=folder, variables=variables)
-            assert code == 0, f'{" ".join(words)}: {text}'
-            printed[words] = text
+                done = finished(name.removeprefix('linkage_'), *rest, cwd=folder, stderr=STDOUT)
+                assert done.returncode == 0, f'{" ".join(words)}: {done.stdout}'
+                printed[words] = done.stdout
         return folder, printed
 
     return run
@@ -329,38 +288,11 @@ def test_links_pictures_and_named_files_exist(page):
             assert (ROOT / name).exists() or (ROOT / 'linkage_ros' / name).exists(), name
 
 
-def test_every_page_is_in_a_table_by_task():
-    rows = [
-        (ROOT / page).parent.joinpath(link).resolve()
-        for page in ('README.md', 'lab/README.md')
-        for line in read(page).splitlines()
-        if line.startswith('|')
-        for link in links(line)
-    ]
-    assert {ROOT / page for page in PAGES} - set(rows) == {ROOT / 'README.md'}
-
-
 def test_tracer_page_shows_what_its_example_prints(capsys):
     example, tape, program, result = blocks(read('docs/tracer.md'))
     exec(compile(example, 'docs/tracer.md', 'exec'), {})
     printed = re.sub(r' +$', '', capsys.readouterr().out, flags=re.MULTILINE)
     assert printed == f'{tape}\n{program}\n\n{result}\n'
-
-
-# ---------------------------------------------------------------- README
-
-
-def test_homework_quotes_the_table_of_its_command(run_page):
-    text = (run_page('lab/docs/homework.md')[0] / 'exercise_motion.csv').read_text()
-    names, _, row, *_ = (line.split(',') for line in text.splitlines())
-    values = dict(zip(names, map(float, row), strict=True))
-    told = ' '.join(read('lab/docs/homework.md').split())
-    directions, rates = (
-        [values[f'{link}.{name}'] for link in ('coupler', 'rocker')]
-        for name in ('position [deg]', 'velocity [rad/s]')
-    )
-    shown = *(f'{x:.2f} deg' for x in directions), *(f'{x:.3f} rad/s' for x in rates)
-    assert [words for words in shown if words not in told] == []
 
 
 # ---------------------------------------------------------------- quoted output

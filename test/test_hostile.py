@@ -504,7 +504,7 @@ def test_a_path_that_the_terminal_cannot_show_is_recorded_to(tmp_path, called):
 def test_a_full_disk_under_stdout_is_one_line(log):
     with Path('/dev/full').open('wb') as full:
         done = subprocess.run(
-            command('log_tool', 'info', log), stdout=full, stderr=subprocess.PIPE, text=True
+            command('log', 'info', log), stdout=full, stderr=subprocess.PIPE, text=True
         )
     assert done.returncode == 2
     assert done.stderr == 'linkage_log: [Errno 28] No space left on device\n'

@@ -114,7 +114,7 @@ def test_each_drive_takes_forces_and_its_log_verifies(drive, tmp_path):
         stop(process)
     assert verified(log).states >= len(heard)
     if drive == 'speed':
-        with watched({'/push': WRENCH_STAMPED.name}, log, '--loop', module='replay') as (
+        with watched({'/push': WRENCH_STAMPED.name}, log, '--loop', program='replay') as (
             listener, process,
         ):  # fmt: skip
             wait_for(lambda: listener.received['/push'])

@@ -20,6 +20,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from ros_harness import (
     CODEC,
     assert_refused,
+    command,
     decoded,
     finished,
     logged,
@@ -56,7 +57,8 @@ def run(tmp_path_factory):
     """Runs at 200 Hz for three reports; returns received and logged messages, output, memory."""
     path = tmp_path_factory.mktemp('run') / 'run.mcap'
     topics = (*OUTPUTS, '/robot_description', '/diagnostics')
-    with watched(topics, *node_arguments(log=path)) as (listener, process):
+    arguments = node_arguments(log=path)
+    with watched(topics, *arguments, program=command('node')) as (listener, process):
         told = listener.received['/diagnostics']
         # After a late report, the next one is on time again.
         listener.await_more(300)

@@ -32,8 +32,8 @@ from linkage_ros.view.drawing import Drawing
 EXAMPLES = ROOT / 'docs' / 'examples'
 GEAR = EXAMPLES / 'cardan_gear.yaml'
 SPEED = 4 * math.pi
-RUN = [sys.executable, EXAMPLES / 'run.py']
-IMPORT = f'import sys; sys.path.insert(0, {str(EXAMPLES)!r}); '
+RUN = EXAMPLES / 'run.py'
+IMPORT = f'import sys\nsys.path.insert(0, {str(EXAMPLES)!r})\n'
 
 
 @pytest.fixture(scope='module')
@@ -213,9 +213,10 @@ def test_the_view_shows_the_links_of_the_mechanism(folder):
 
 
 def test_real_node_publishes_states_of_the_textbook_formula(folder):
-    words, path = [*RUN, 'node', '--ros-args', '--params-file', GEAR], folder / 'live.mcap'
+    path = folder / 'live.mcap'
+    words = 'node', '--ros-args', '--params-file', GEAR, '-p', f'log:={path}'
     topics = '/joint_states', '/robot_description'
-    with watched(topics, '-p', f'log:={path}', module=words) as (listener, process):
+    with watched(topics, *words, program=RUN) as (listener, process):
         listener.await_more(100)
         wait_for(lambda: listener.received['/robot_description'])
         stop(process)
@@ -288,7 +289,7 @@ print(json.dumps([points, cells]))
 
 def test_the_charts_find_the_method_and_measure_its_speed_and_errors(folder):
     assert not [method for method in METHODS if method.name == 'inverse cosine']
-    points, cells = json.loads(run('-c', IMPORT + MEASURE, cwd=folder, program=[sys.executable]))
+    points, cells = json.loads(run(cwd=folder, program=IMPORT + MEASURE))
     for picture in ('accuracy.png', 'stability.png'):
         assert (folder / picture).stat().st_size > 50_000
     default, cosines = (

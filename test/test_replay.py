@@ -71,7 +71,7 @@ def stored(path, topic, start=0, end=None):
 def played(log, *options):
     """Plays to a listener, again if a busy machine did not discover it in time."""
     for delay in (0.2, 2.0, 8.0):
-        with watched(TYPES, log, '--delay', delay, *options, module='replay') as (
+        with watched(TYPES, log, '--delay', delay, *options, program='replay') as (
             listener,
             process,
         ):
@@ -139,7 +139,7 @@ def test_excerpt_of_one_topic_at_a_higher_rate_ends_on_the_clock(log):
 
 def test_loop_repeats_the_bytes_and_its_clock_never_goes_back(log):
     options = '--loop', '--start-offset', 1, '--playback-duration', 0.25, '--clock', 100
-    with watched(TYPES, log, *options, module='replay') as (listener, process):
+    with watched(TYPES, log, *options, program='replay') as (listener, process):
         listener.await_more(160)
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=PATIENCE)

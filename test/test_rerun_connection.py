@@ -12,7 +12,6 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import urllib.parse
 import urllib.request
@@ -21,7 +20,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
-from ros_harness import PATIENCE, stop, wait_for
+from ros_harness import PATIENCE, finished, stop, wait_for
 from ros_harness import running as running_program
 
 from linkage_ros import ViewerError
@@ -132,11 +131,8 @@ samples = [(k * 10**7, State((k / 7, 1.0, 2.0), (0.0,) * 3, (0.0,) * 3, 0.0))
 """
 
 
-def run_program(code, *arguments, check=True):
-    return subprocess.run(
-        [sys.executable, '-c', PROLOGUE + code, *arguments],
-        capture_output=True, text=True, check=check, timeout=PATIENCE,
-    )  # fmt: skip
+def run_program(code, *arguments):
+    return finished(PROLOGUE + code, *arguments)
 
 
 def test_file_of_a_killed_run_is_readable(tmp_path):
@@ -146,7 +142,7 @@ for sample in samples:
     view.consume([sample])
 os.kill(os.getpid(), signal.SIGKILL)
 """
-    run_program(code, tmp_path / 'run.rrd', check=False)
+    run_program(code, tmp_path / 'run.rrd')
     assert len(stamps_in(tmp_path / 'run.rrd')) >= 980
 
 
@@ -359,9 +355,7 @@ view = View(load('quadrilateral'), 'web')
 print(view._process.process.pid, view.page, flush=True)
 time.sleep(600)
 """
-    with subprocess.Popen(
-        [sys.executable, '-c', PROLOGUE + code], stdout=subprocess.PIPE, text=True
-    ) as run:
+    with running_program(PROLOGUE + code, domain=0) as run:
         pid, page = run.stdout.readline().split()
         wait_for(lambda: reached(page))
         run.kill()

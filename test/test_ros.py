@@ -53,7 +53,7 @@ rclpy.try_shutdown()
 
 @pytest.mark.parametrize(('turns', 'code'), [('10**15', 1), ('10', 0)])
 def test_node_that_hangs_at_its_end_exits_with_code_1(turns, code):
-    done = finished([sys.executable, '-c', STUCK.format(turns=turns)])
+    done = finished(STUCK.format(turns=turns))
     assert done.returncode == code, done.stderr
     assert done.stdout == 'all is logged\n'
     assert done.stderr == ''
@@ -160,8 +160,7 @@ def test_a_second_signal_ends_a_node_that_hangs_and_keeps_its_log(
 ):
     path, saved = tmp_path / 'run.mcap', tmp_path / 'saved.mcap'
     code = HANGING.format(module=module, kind=kind, method=method, calls=calls)
-    program = [sys.executable, '-c', code]
-    with running(program, *node_arguments(log=path), domain=fresh_domain()) as node:
+    with running(code, *node_arguments(log=path), domain=fresh_domain()) as node:
         assert node.stdout.readline() == 'hangs\n'
         size, signals = path.stat().st_size, []
         # A second signal that comes before the first is handled has no effect.
@@ -214,7 +213,7 @@ print(stop.wait())
 
 def test_a_signal_that_another_thread_receives_ends_the_wait():
     """Linux may deliver the signal in this way while a process is being stopped."""
-    done = finished([sys.executable, '-c', ELSEWHERE])
+    done = finished(ELSEWHERE)
     assert done.stdout == 'True\n', done.stderr
 
 

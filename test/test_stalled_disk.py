@@ -9,7 +9,6 @@ import math
 import os
 import re
 import subprocess
-import sys
 from contextlib import contextmanager
 from fcntl import ioctl
 from itertools import count
@@ -40,9 +39,9 @@ outputs._LOG_CAPACITY = 200
 Segment.size = {size}
 cli.leave(cli.run('linkage_node', node.main))
 """
-NODE = [sys.executable, '-c', PROGRAM.format(size=1000)]
+NODE = PROGRAM.format(size=1000)
 # Seven changes of speed while the disk hangs end the log.
-LARGE_SEGMENTS = [sys.executable, '-c', PROGRAM.format(size=10_000_000)]
+LARGE_SEGMENTS = PROGRAM.format(size=10_000_000)
 
 
 @pytest.fixture
@@ -77,7 +76,7 @@ def test_log_of_a_stalled_disk_verifies(disk, tmp_path, called, drive):
     path, saved = disk / 'run.mcap', tmp_path / 'saved.mcap'
     arguments = node_arguments(**DRIVES[drive], log=path)
     renamed = '-r', 'joint_commands:=in', '-r', 'measured_joint_states:=in'
-    with watched([STATES], *arguments, *renamed, module=NODE) as (listener, node):
+    with watched([STATES], *arguments, *renamed, program=NODE) as (listener, node):
         sender = listener.node.create_publisher(JointState, 'in', QoSProfile(depth=10))
         received, sent = listener.received[STATES], 0
 
@@ -126,7 +125,7 @@ def test_log_of_a_stalled_disk_verifies(disk, tmp_path, called, drive):
 
 def test_log_ends_when_too_much_waits_for_a_hanging_disk(disk, called):
     path, topics = disk / 'run.mcap', [STATES, '/diagnostics']
-    with watched(topics, *node_arguments(log=path), module=LARGE_SEGMENTS) as (listener, node):
+    with watched(topics, *node_arguments(log=path), program=LARGE_SEGMENTS) as (listener, node):
         received = listener.received[STATES]
         wait_for(lambda: len(received) > 50)
         size = path.stat().st_size

@@ -138,7 +138,7 @@ def test_tables_need_little_more_memory_than_their_numbers(tmp_path):
 def test_the_command_writes_a_table_or_one_line(tmp_path):
     bag = write_mcap(tmp_path / 'robot.mcap', [('/a', JOINT_STATE, START, measurement(0))])
     out, other = tmp_path / 'out.csv', tmp_path / 'other.mcap'
-    done = finished('log_tool', 'csv', bag, out)
+    done = finished('log', 'csv', bag, out)
     assert (done.returncode, done.stdout) == (0, f'{out}: 1 row from /a\n'), done.stderr
     other.write_bytes(bag.read_bytes()[:200])
     number = write_mcap(
@@ -151,6 +151,6 @@ def test_the_command_writes_a_table_or_one_line(tmp_path):
         ((number, out, '--overwrite'), 'has no joint states'),
         ((other, out, '--overwrite'), 'damaged or incomplete: '),
     ):
-        done = finished('log_tool', 'csv', *words)
+        done = finished('log', 'csv', *words)
         assert_refused(done.returncode, done.stdout, done.stderr, problem)
     assert len(table(out)[1]) == 1

@@ -598,7 +598,7 @@ def test_exit_code_tells_the_difference_to_a_closed_pipe(tmp_path, unbuffered):
     reading, writing = os.pipe()
     os.close(reading)
     done = subprocess.run(
-        command('log_tool', 'verify', path), stdout=writing, stderr=subprocess.PIPE,
+        command('log', 'verify', path), stdout=writing, stderr=subprocess.PIPE,
         timeout=PATIENCE, env={**os.environ, 'PYTHONUNBUFFERED': unbuffered},
     )  # fmt: skip
     os.close(writing)
