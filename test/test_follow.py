@@ -23,6 +23,7 @@ from ros_harness import (
     wait_for,
     watched,
 )
+from scipy.linalg import expm
 from sensor_msgs.msg import JointState
 from state_messages import messages_of
 
@@ -337,3 +338,27 @@ def test_the_log_is_verified_by_following_its_measurements_again(answered, monke
         FollowMotion, '__init__', lambda motion, _, turns: begin(motion, 21.0, turns)
     )
     assert re.search('^state .*recomputed: off by', report_of(path).difference)
+
+
+def test_live_states_are_those_of_an_independent_filter(answered):
+    """Integrates the filter's equations by matrix exponentials; the last 150 lack a speed."""
+    sent, _, messages, *_ = answered
+    w, turns = 2 * math.pi * 20.0, {stamp: 0.06 * n for n, (stamp, _) in enumerate(sent)}
+    solver = Solver(load('quadrilateral').mechanism)
+    last, filtered = None, np.zeros(4)  # the filter's angle and rate, the measured angle and rate
+    for number, data in enumerate(messages[ANSWERS]):
+        stamp, values = CODEC.decode(data.data)
+        angle = turns[stamp]
+        if last is None:
+            filtered = np.array([angle, 0.0, angle, 0.0])
+        else:
+            time = (stamp - last) / 1e9
+            filtered[3] = (angle - filtered[2]) / time
+            slopes = [[-2 * w, 1, 2 * w, 0], [-w * w, 0, w * w, 0], [0, 0, 0, 1], [0] * 4]
+            filtered = expm(np.multiply(slopes, time)) @ filtered
+        last = stamp
+        if number >= len(messages[ANSWERS]) - 150:
+            x, v, m, _ = filtered
+            right = solver.state(values[0], v, w * w * (m - x))
+            assert values[3] == pytest.approx(v, rel=1e-9)
+            assert values[6] == pytest.approx(right.torque, rel=1e-6, abs=1e-6)
