@@ -46,9 +46,9 @@ class Delays(NamedTuple):
     computed: np.ndarray
 
 
-def delays(factor=1):
-    """Returns the random delays of 200 runs, multiplied by a factor."""
-    rng, runs, shape = np.random.default_rng(1), np.arange(RUNS), (START + SETTLED + TURN, RUNS)
+def delays(factor=1, count=RUNS):
+    """Returns the random delays of some runs, multiplied by a factor."""
+    rng, runs, shape = np.random.default_rng(1), np.arange(count), (START + SETTLED + TURN, count)
     ticks = np.arange(shape[0])[:, None]
     # The delay changes every 200 ticks on average; in between, every tenth differs by a tick.
     renewed = np.where(rng.random(shape) < 1 / 200, ticks, 0)

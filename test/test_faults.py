@@ -190,19 +190,19 @@ def test_each_viewer_change_is_reported_once():
     absent = f'no viewer answers at {url}: states are dropped until one does'
     stopped = f'the viewer at {url} is not reading: states are dropped until it does'
 
-    with watched(HEARD, *arguments) as (listener, process):
+    with watched(HEARD[1:], *arguments) as (listener, process):
         wait_for(lambda: health(listener, 2) == (WARN, absent))
         with viewing(port, '--serve-grpc') as viewer:
             wait_for(lambda: health(listener, 2)[0] == OK)
             viewer.send_signal(signal.SIGSTOP)
             wait_for(lambda: health(listener, 2) == (WARN, stopped))
-            listener.await_more(100)
+            listener.await_more(1, HEARD[1])
             viewer.send_signal(signal.SIGCONT)
             wait_for(lambda: health(listener, 2)[0] == OK)
             viewer.kill()
             viewer.wait()
             wait_for(lambda: health(listener, 2) == (WARN, absent))
-        listener.await_more(100)
+        listener.await_more(1, HEARD[1])
         output = stop(process)
     said = re.findall(r'\]: (ok, but|no viewer .*|the viewer .*)', output)
     assert all(now != before for before, now in pairwise(said))

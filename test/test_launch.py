@@ -19,7 +19,7 @@ import yaml
 from rclpy.serialization import deserialize_message
 from ros_harness import Listener, fresh_domain, running, stop, wait_for
 from sensor_msgs.msg import JointState
-from test_control_loop import PERIOD, RUNS, SOLVER, START, delays, speed_errors
+from test_control_loop import PERIOD, SOLVER, START, delays, speed_errors
 from test_import import CLOSE, LEG
 
 from linkage_lab.robots import import_tool
@@ -255,13 +255,14 @@ def test_controller_and_plant_accept_the_parameters_of_their_launch_file(launche
 def test_controller_of_the_launch_file_keeps_its_speed_in_a_loop_with_delays(launched):
     nodes, _ = launched(CONTROLLER)
     plant, given = (values_of(nodes[f'linkage_{name}']) for name in ('node', 'controller'))
+    count = 20
     settings, rng = build(ControllerSettings, given), np.random.default_rng(3)
     controllers = [
         SpeedController(SOLVER.mechanism, settings.rpm, settings.bandwidth, settings.lead_time)
-        for _ in range(RUNS)
+        for _ in range(count)
     ]
-    active, last = rng.integers(0, START, RUNS), np.full(RUNS, -NS_PER_S)
-    command = np.full(RUNS, math.nan)
+    active, last = rng.integers(0, START, count), np.full(count, -NS_PER_S)
+    command = np.full(count, math.nan)
 
     def law(measured, _, angle, speed):
         elapsed = (measured - last) * PERIOD / NS_PER_S
@@ -271,8 +272,8 @@ def test_controller_of_the_launch_file_keeps_its_speed_in_a_loop_with_delays(lau
             last[run] = measured[run]
         return command
 
-    angle, speed = np.zeros(RUNS), np.full(RUNS, plant['start_rpm'] * math.pi / 30)
-    assert speed_errors(law, delays(), plant['torque_limit'], angle, speed).max() < 0.05
+    angle, speed = np.zeros(count), np.full(count, plant['start_rpm'] * math.pi / 30)
+    assert speed_errors(law, delays(count=count), plant['torque_limit'], angle, speed).max() < 0.05
 
 
 def test_following_node_accepts_the_parameters_of_its_launch_file(launched):
