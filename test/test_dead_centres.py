@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mechanisms import LIMITED, cylinder, of, wind_pump, with_loads
+from mechanisms import DRIVEN_SLIDERS, LIMITED, cylinder, of, wind_pump, with_loads
 from ros_harness import logged, report_of, verified
 
 from linkage_ros import Solver
@@ -36,10 +36,14 @@ MECHANISMS = {
     'cylinder_long_crank': cylinder((2.2, 1, -1.9), -2.0),
     'driven_cylinder': cylinder((1, 2.2, 0.3), input='cylinder'),
     'driven_short_cylinder': cylinder((1, 2.2, 1.7), 2.0, input='cylinder', assembly='crossed'),
+    **DRIVEN_SLIDERS,
     'pump': STRETCHED,
 }
 # Their arcs contain a change point, where all links are in line and all coordinates are singular.
-WITH_CHANGE_POINT = {'p0_and_near_limit', 'upper_change_point', 'lower_change_point'}
+WITH_CHANGE_POINT = {
+    'p0_and_near_limit', 'upper_change_point', 'lower_change_point',
+    *(f'{name}_slider_driven' for name in ('equal_links', 'upper', 'long_crank')),
+}  # fmt: skip
 every = pytest.mark.parametrize('name', [x for x in MECHANISMS if x not in WITH_CHANGE_POINT])
 
 

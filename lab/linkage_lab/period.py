@@ -27,7 +27,6 @@ from linkage_lab.sampling import (
 from linkage_ros import (
     ConfigurationError,
     Mechanism,
-    Reach,
     Solver,
     State,
     Travel,
@@ -347,7 +346,7 @@ def _over_arc(
     """
     _require_no(options, f'the crank of {source} cannot turn fully')
     rpm, solver = _SLOW_RPM if rpm is None else rpm, Solver(design.mechanism)
-    low, high = _arc_around(solver.reach, design.drive.crank_angle)
+    low, high = solver.reach.arc_around(design.drive.drawn_angle(design.mechanism))
     margin = _MARGIN * (high - low)  # the rates are infinite at the ends
     speed, words = rpm * math.pi / 30, f'{rpm:g} rpm over its arc'
     if solver.reach.slides:
@@ -356,17 +355,6 @@ def _over_arc(
     crank = with_breaks(crank, solver, lambda angles: moving.state(angles, speed))
     period = _at_speed(solver, crank, speed, reactions='reactions' in options)
     return period, [_group(solver), words, *_ranges(period)]
-
-
-def _arc_around(reach: Reach, crank: float) -> tuple[float, float]:
-    """Returns the arc that contains a crank angle, in the turn of the period where it is, rad.
-
-    In another turn, loads and assembly may differ. If no arc contains it, the next one is taken.
-    """
-    turns = range(max(1, reach.period_turns))
-    period = math.inf if reach.slides else math.tau * len(turns)
-    arcs = [(low + math.tau * i, high + math.tau * i) for i in turns for low, high in reach.arcs]
-    return min(arcs, key=lambda arc: max(0.0, (crank - arc[0]) % period - (arc[1] - arc[0])))
 
 
 def _group(solver: Solver) -> str:

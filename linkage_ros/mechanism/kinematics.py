@@ -185,6 +185,11 @@ class Reach(NamedTuple):
         Raises:
             MechanismError: The crank is limited. The message states class, causes and arcs.
         """
+        if self.slides:
+            raise MechanismError(
+                f'the {self.driven} is driven, and its stroke has ends: this is for a crank that '
+                f'turns fully{otherwise}'
+            )
         if not self.turns_fully:
             cures = f'; {" or ".join(self.cures)}' * bool(self.cures)
             raise MechanismError(self._refusal('turn fully', cures) + otherwise)
@@ -213,6 +218,21 @@ class Reach(NamedTuple):
             f'the {self.driven} of this {self.grashof} linkage cannot {purpose}: '
             f'{"; ".join(self.limits)}{cures}; it reaches {arcs}'
         )
+
+    def arc_around(self, place: float) -> Arc:
+        """Returns the arc that contains a place of the driven joint; if none does, the next one.
+
+        Args:
+            place: Crank angle, rad, or position of a driven link that slides, m.
+
+        Returns:
+            The arc; of a crank, in the turn of the period where the angle is.
+        """
+        turns = range(max(1, self.period_turns))
+        period = math.inf if self.slides else math.tau * len(turns)
+        shifts = [math.tau * i for i in turns]
+        arcs = [(low + shift, high + shift) for shift in shifts for low, high in self.arcs]
+        return min(arcs, key=lambda arc: max(0.0, (place - arc[0]) % period - (arc[1] - arc[0])))
 
     def samples(self, steps_per_turn: int = 720) -> Array:
         """Returns crank angles over one period, with steps small enough to resolve the motion.

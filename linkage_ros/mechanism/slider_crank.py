@@ -130,7 +130,7 @@ class BySlider(NamedTuple):
             with a change point, this holds at positive positions.
         guide: Cosine and sine of the guide's direction.
         lengths: Lengths r and b of crank and coupler, m.
-        ground: r - b and r + b, m; r - b is ZERO if A0 and B can meet.
+        ground: r - b, ZERO if equal, and r + b, m.
         offset: Offset e of the guide, m.
         growth: 2 sqrt(r b), m.
         triangle: The triangle A0, A, B.
@@ -159,7 +159,7 @@ class BySlider(NamedTuple):
             change = change - least / (fold * fold * fold)
         turn, bend = -side * slope / stretch, -side * change / stretch
         near, far = self.ground
-        if near is ZERO:
+        if near is ZERO and least is ZERO:  # A0 and B can meet
             half_way, slopes, bends = Vector(1.0, ZERO), (turn, -turn), (bend, -bend)
         else:
             over = 1.0 / (slide * slide + e * e)
@@ -282,11 +282,10 @@ class SliderCrank(SlideDriven):
         side = 1 if description.assembly == OPEN else -1
         if description.coordinates == (CRANK,):
             return SliderCrankLoop(self._transmission(), side, guide, r, b, e)
-        triangle, near = self._triangle(), short_sum(self._longest(), r, -b)
-        meets = triangle.least is ZERO and near == 0
+        ground = short_sum(self._longest(), r, -b) or ZERO, exact_sum(r, b)
         return BySlider(
-            side, guide, (r, b), (ZERO if meets else near, exact_sum(r, b)), e,
-            2 * math.sqrt(r * b), triangle, Opaque(lambda x: self.reach_of_slide().refuse(x)),
+            side, guide, (r, b), ground, e, 2 * math.sqrt(r * b), self._triangle(),
+            Opaque(lambda x: self.reach_of_slide().refuse(x)),
         )  # fmt: skip
 
     def _triangle(self) -> Triangle:

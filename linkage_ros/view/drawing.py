@@ -296,8 +296,8 @@ def _reach(mechanism: Mechanism, crank_angle: float) -> Array:
 
     Args:
         mechanism: Mechanism whose positions are sampled.
-        crank_angle: Crank angle at the start, rad. A crank that cannot turn fully stays on the
-            arc that contains this angle.
+        crank_angle: Crank angle at the start, rad, or position of a driven link that slides, m. A
+            crank that cannot turn fully stays on the arc that contains this angle.
 
     Returns:
         Positions of the links, rad and m, shape (n, links); in the order of the motion if the
@@ -309,9 +309,7 @@ def _reach(mechanism: Mechanism, crank_angle: float) -> Array:
     if solver.reach.turns_fully:
         crank = solver.reach.samples(_STEPS_PER_TURN)
     else:
-        arcs = solver.reach.arcs
-        beyond = [(crank_angle - low) % (2 * math.pi) - (high - low) for low, high in arcs]
-        start, end = arcs[int(np.argmin(beyond))]
+        start, end = solver.reach.arc_around(crank_angle)
         # Near an end, the links move with the square root of the distance to it, so even steps of
         # the crank would truncate the paths. At the end itself, the rates are infinite.
         even = np.linspace(-1, 1, _STEPS_PER_TURN + 1)

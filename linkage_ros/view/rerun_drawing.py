@@ -62,7 +62,7 @@ class RerunDrawing:
 
     def __init__(self, configuration: Configuration) -> None:
         mechanism, self._drive = configuration.mechanism, configuration.drive
-        self.drawing = Drawing(mechanism, self._drive.drawn_angle(mechanism.reach()))
+        self.drawing = Drawing(mechanism, self._drive.drawn_angle(mechanism))
         turning, joints = self.drawing.turning, self.drawing.joints
         sliders = [joint for joint in joints if joint not in turning]
         self._turning, self._sliders = ([*map(joints.index, row)] for row in (turning, sliders))

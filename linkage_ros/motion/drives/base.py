@@ -13,7 +13,6 @@ from typing import ClassVar
 
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
-from linkage_ros.mechanism.kinematics import Reach
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.joints import RobotJoint
@@ -132,8 +131,12 @@ class Drive(Checked):
         """
         return iter(())
 
-    def drawn_angle(self, reach: Reach | None) -> float:  # noqa: ARG002, a measured crank needs it
-        """Returns the crank angle at which the mechanism is drawn before its first state, rad."""
+    def drawn_angle(self, mechanism: Mechanism) -> float:  # noqa: ARG002, some need it
+        """Returns where the mechanism is drawn before its first state.
+
+        Returns:
+            The crank angle, rad, or the position of a driven link that slides, m.
+        """
         return self.crank_angle
 
     def law(self, joint: Link) -> Law | None:  # noqa: ARG002, some have one

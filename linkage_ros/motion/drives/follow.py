@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple, NoReturn, TypeAlias
 
 from linkage_ros.errors import ConfigurationError, LinkageError, UnreachableError
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
-from linkage_ros.mechanism.kinematics import Reach
 from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.cdr import JointReader
 from linkage_ros.messages.joints import RobotJoint
@@ -357,6 +357,7 @@ class FollowDrive(FeedForward):
         crank = MeasuredCrank(machine, self.follow_bandwidth, self.frame_joint)
         return {MEASURED_JOINT_STATES: crank}
 
-    def drawn_angle(self, reach: Reach | None) -> float:
-        """Returns a crank angle that the mechanism can reach; see `Drive.drawn_angle`."""
+    def drawn_angle(self, mechanism: Mechanism) -> float:
+        """Returns a place that the mechanism can reach; see `Drive.drawn_angle`."""
+        reach = mechanism.reach()
         return 0.5 * sum(reach.arcs[0]) if reach and not reach.turns_fully else self.crank_angle

@@ -75,6 +75,10 @@ class TorqueDrive(Drive):
             return self._start_of_slide(mechanism, angle, u[0])
         return Coordinates((angle, *positions), u, (0.0,) * len(u), self.crank_angle)
 
+    def drawn_angle(self, mechanism: Mechanism) -> float:
+        """Returns the place at t = 0; see `Drive.drawn_angle`."""
+        return float(self.start(mechanism).unwrapped)
+
     def _start_of_slide(self, mechanism: Mechanism, crank: float, speed: float) -> Coordinates:
         """Converts the start, crank angle, rad, and speed, rad/s, to those of a driven slide.
 
