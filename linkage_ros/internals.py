@@ -8,6 +8,7 @@ other programs: laws, periods, ranges of loads, drawing, URDF, notes, files and 
 
 from linkage_ros.errors import printable
 from linkage_ros.files import create_file, is_same_file
+from linkage_ros.mechanism.axes import axes_of, spin_of
 from linkage_ros.mechanism.dyad_reach import reach_of
 from linkage_ros.mechanism.equations import Model, acting_forces, torque
 from linkage_ros.mechanism.joint_forces import reactions
@@ -41,6 +42,7 @@ __all__ = [
     'Ranges',
     'Simulator',
     'acting_forces',
+    'axes_of',
     'configure',
     'create_file',
     'extremes_between',
@@ -60,6 +62,7 @@ __all__ = [
     'record_steps',
     'reversals',
     'rigid_links',
+    'spin_of',
     'torque',
     'without_turns',
     'wrap',

@@ -38,8 +38,8 @@ FIRST, SECOND = SKY, ORANGE
 
 
 # Of the links and pins of dyads, whose names begin with that of the dyad.
-_DYADS: dict[str, Color] = {'first': SKY, 'from': SKY, 'to': DARK} | dict.fromkeys(
-    ('second', 'slider', 'joint'), ORANGE
+_DYADS: dict[str, Color] = {'first': SKY, 'barrel': SKY, 'from': SKY, 'to': DARK} | dict.fromkeys(
+    ('second', 'slider', 'rod', 'joint'), ORANGE
 )
 
 

@@ -19,6 +19,8 @@ from linkage_ros import (
     Barrel,
     Body,
     Coupler,
+    Dyad,
+    DyadSlider,
     FourBar,
     Frame,
     Guide,
@@ -227,6 +229,56 @@ SPRUNG_PUMP = replace(
         LoadCurve('crank', at=(0.5, 2.0, 6.0), value=(4.0, -3.0, 8.0)),
     ),
 )
+
+
+def sliding(base, on, name='shoe', length=6.0, at=(3.2, -1.4), **rest):
+    """Adds a link from the frame and a slider on a guide of a link."""
+    slider = DyadSlider(1.2, (0.6, 0.3), 0.7, on, 0.3, (0.2, -0.3))
+    dyad = Dyad(
+        name=name, from_='frame', from_at=at, slider=slider,
+        first=Body(length, 0.8, 0.2, (0.4 * length, 0.1)), **rest,
+    )  # fmt: skip
+    return replace(base, dyads=(*base.dyads, dyad))
+
+
+def telescopic(base, from_, to, name='ram', at=(2.6, 3.4)):
+    """Adds a barrel and a rod between points of two links."""
+    dyad = Dyad(
+        name=name, from_=from_, from_at=(0.3, 0.2), to=to, to_at=at, offset=0.4,
+        barrel=Barrel(0.9, 0.3, (0.5, -0.2)), rod=Rod(0.7, 0.2, (-0.4, 0.3)),
+    )  # fmt: skip
+    return replace(base, dyads=(*base.dyads, dyad))
+
+
+_CRANK_ROCKER = four_bar(FULL['crank_rocker'])
+_CENTRIC = slider_crank(FULL['centric'])
+# With dyads whose guides move: on each kind of link, and in barrels between links.
+MOVING_GUIDES = {
+    'guide_on_crank': sliding(_CRANK_ROCKER, 'crank'),
+    'guide_on_coupler': sliding(_CRANK_ROCKER, 'coupler', assembly='crossed'),
+    'guide_on_rocker': sliding(_CRANK_ROCKER, 'rocker'),
+    'guide_on_slider': sliding(_CENTRIC, 'slider', at=(3.2, 2.4)),
+    'guide_on_barrel': sliding(CYLINDERS['swinging_barrel'], 'barrel'),
+    'guide_on_rod_of_driven_cylinder': sliding(
+        replace(CYLINDERS['swinging_barrel'], input='cylinder'), 'rod'
+    ),
+    'guide_on_rod_of_pump': sliding(PUMPS['pump'], 'rod'),
+    'guide_on_link_of_dyad': sliding(sliding(_CENTRIC, 'coupler'), 'shoe_first', 'tip', 9.0),
+    'guide_on_moving_slider': sliding(sliding(_CENTRIC, 'coupler'), 'shoe_slider', 'tip', 9.0),
+    'guide_on_slider_on_slider': sliding(
+        sliding(_CENTRIC, 'slider', at=(3.2, 2.4)), 'shoe_slider', 'tip', 9.0
+    ),
+    'barrel_on_frame': telescopic(_CRANK_ROCKER, 'coupler', 'frame'),
+    'barrel_on_coupler': telescopic(_CRANK_ROCKER, 'crank', 'coupler'),
+    'barrel_between_slider_and_coupler': telescopic(_CENTRIC, 'slider', 'coupler'),
+    'guide_on_barrel_of_dyad': sliding(
+        telescopic(_CRANK_ROCKER, 'coupler', 'frame'), 'ram_barrel', 'tip', 9.0
+    ),
+    'guide_on_rod_of_dyad': sliding(
+        telescopic(_CRANK_ROCKER, 'frame', 'rocker'), 'ram_rod', 'tip', 9.0
+    ),
+    'barrel_on_moving_slider': telescopic(sliding(_CENTRIC, 'crank'), 'shoe_slider', 'frame'),
+}
 # One mechanism of each kind.
 ALL = {
     'document_1': DOCUMENT_1,
@@ -272,6 +324,7 @@ ALL = {
         for (name, x), way in zip(CYLINDERS.items(), 2 * ASSEMBLIES, strict=True)
     },
     **DRIVEN_SLIDERS,
+    **MOVING_GUIDES,
 }
 
 

@@ -137,15 +137,13 @@ class Oracle:
         names = 'crank', 'coupler', 'barrel', 'rod', 'rocker', 'slider'
         self.parts = {x: getattr(mechanism, x) for x in names if hasattr(mechanism, x)}
         sliding = 'rod' if self.kind == 'InvertedSliderCrank' else 'slider'
+        sliders = {sliding}
         for dyad in mechanism.dyads:
-            self.parts[f'{dyad.name}_first'] = dyad.first
-            name, last = 'second', dyad.second
-            if last is None:
-                name, last = 'slider', dyad.slider
-            self.parts[f'{dyad.name}_{name}'] = last
-        self.turning = [
-            name != sliding and not hasattr(part, 'angle') for name, part in self.parts.items()
-        ]
+            words = 'first', 'second', 'barrel', 'rod', 'slider'
+            given = {x: getattr(dyad, x) for x in words}
+            self.parts |= {f'{dyad.name}_{x}': part for x, part in given.items() if part}
+            sliders |= {f'{dyad.name}_rod', f'{dyad.name}_slider'}
+        self.turning = [name not in sliders for name in self.parts]
         self.is_free = self.kind == 'WindPump'
         self.driven = next(iter(mechanism.coordinates))
         self.by_slide = self.driven != 'crank'
@@ -292,7 +290,7 @@ class Oracle:
         bodies = {'frame': Body(mp.mpc(0), mp.mpc(1)), **self._placed_base(q)}
         waiting = list(self.mechanism.dyads)
         while waiting:
-            ready = [x for x in waiting if {x.from_, x.to or 'frame'} <= {*bodies}]
+            ready = [x for x in waiting if _carriers(x) <= {*bodies}]
             waiting = [x for x in waiting if x not in ready]
             for dyad in ready:
                 bodies |= _placed_dyad(dyad, bodies)
@@ -360,7 +358,8 @@ class Oracle:
                 bodies[name] = Body(slide.on + links[name] * slide.guide, slide.guide)
             else:
                 place = bodies[hung.carrier].at(hung.on)
-                bodies[name] = Body(place, mp.expj(links[slide.carrier if slide else name]))
+                way = slide.guide * bodies[slide.carrier].way if slide else mp.expj(links[name])
+                bodies[name] = Body(place, way)
         gaps = []
         for joint in joints:
             place, carrier = bodies[joint.body].at(joint.at), bodies[joint.carrier]
@@ -453,6 +452,11 @@ class Oracle:
         if slide is not None:
             return self.slide(slide, bodies)
         return mp.arg(bodies[name].way), bodies[name].spin, bodies[name].change
+
+    def spin_of(self, name):
+        """Returns the link, or frame, with which a link turns."""
+        slide = self.slide_of(name)
+        return self.spin_of(slide.carrier) if slide else name
 
     def slide_of(self, name):
         """Returns the joint in which a link slides; None for a link that turns."""
@@ -567,22 +571,26 @@ class Oracle:
             if isinstance(push, Effort):
                 total += push.size if push.link == link else 0
             elif push.body != 'frame':
+                total += push.couple if link == self.spin_of(push.body) else 0
                 slide = self.slide_of(push.body)
-                if link == (slide.carrier if slide else push.body):
-                    total += push.couple
-                total += dot(self._lever(link, push.body, push.at, bodies), push.force)
+                if slide and slide.carrier == 'frame':
+                    total += dot(slide.guide, push.force) if link == push.body else 0
+                else:
+                    total += dot(self._lever(link, push.body, push.at, bodies), push.force)
         return total
 
     def _lever(self, link, body, at, bodies):
         """Returns the velocity of a point per rate of one link of the open tree."""
         if body == 'frame':
             return mp.mpc(0)
-        slide = self.slide_of(body)
-        if slide is not None and slide.carrier == 'frame':
-            return slide.guide if body == link else mp.mpc(0)
         hung = next(x for x in self.joints() if x.body == body and not x.at and x.guide is None)
-        own = 1j * at * bodies[body].way if link == (slide.carrier if slide else body) else 0
+        own = 1j * at * bodies[body].way if link == self.spin_of(body) else 0
         return own + self._lever(link, hung.carrier, hung.on, bodies)
+
+    def _is_external(self, link):
+        """Returns whether a load on a link originates outside the machine."""
+        slide = self.slide_of(link)
+        return slide is None or slide.carrier == 'frame'
 
     def _shaking(self, bodies, pushes):
         """Computes the force on the frame, and its moment about A0 with the drive's reaction.
@@ -634,8 +642,9 @@ class Oracle:
         if load.stiffness:
             held -= mp.mpf(load.stiffness) * self._stretch(load, place)
         return [
-            Effort(load.link, mp.mpf(load.force), load.link != 'rod'), Effort(load.link, held)
-        ]  # fmt: skip
+            Effort(load.link, mp.mpf(load.force), self._is_external(load.link)),
+            Effort(load.link, held),
+        ]
 
     def _of_LoadCurve(self, load, crank, bodies):
         if load.over == 'position':
@@ -643,14 +652,14 @@ class Oracle:
             falls = rate < 0 and load.return_value is not None
             value = load.return_value if falls else load.value
             size = between(self._reduced(load), value, self._continuous(load.link, place))
-            return [Effort(load.link, size, load.link != 'rod')]
+            return [Effort(load.link, size, self._is_external(load.link))]
         crank -= self._start(load)
         turns = 2 if load.at[-1] - load.at[0] > 6.2832 else 1
         if load.pressure is not None:  # the head of the cylinder takes the opposite
             pressure = periodic(load.at, load.pressure, crank, turns)
             return [Effort(load.link, self._pressed(load, pressure))]
         size = periodic(load.at, load.value, crank, turns)
-        return [Effort(load.link, size, load.link != 'rod')]
+        return [Effort(load.link, size, self._is_external(load.link))]
 
     def _of_Gas(self, load, _, bodies):
         place, rate, _ = self.of_link(load.link, bodies)
@@ -782,15 +791,26 @@ def _sign(x, size):
     return mp.sign(x) if abs(x) > size * mp.mpf('1e-50') else 0
 
 
+def _carriers(dyad):
+    return {dyad.from_, dyad.to or 'frame', dyad.slider.on if dyad.slider else 'frame'}
+
+
 def _joints_of_dyad(dyad):
     first, name = f'{dyad.name}_first', dyad.name
+    if dyad.barrel is not None:
+        barrel, rod = f'{name}_barrel', f'{name}_rod'
+        return [
+            Joint(f'{name}_from', rod, 0, dyad.from_, complex_of(dyad.from_at)),
+            Joint(f'{name}_to', barrel, 0, dyad.to, complex_of(dyad.to_at or (0, 0))),
+            Joint(rod, rod, 0, barrel, mp.mpc(0, dyad.offset), mp.mpc(1)),
+        ]
     found = [Joint(f'{name}_from', first, 0, dyad.from_, complex_of(dyad.from_at))]
     length = mp.mpf(dyad.first.length)
     if dyad.second is None:
         slider = f'{name}_slider'
         way = mp.expj(mp.mpf(dyad.slider.angle))
         found.append(Joint(f'{name}_joint', slider, 0, first, length))
-        found.append(Joint(slider, slider, 0, 'frame', complex_of(dyad.slider.at), way))
+        found.append(Joint(slider, slider, 0, dyad.slider.on, complex_of(dyad.slider.at), way))
     else:
         second, along = f'{name}_second', mp.mpf(dyad.second.length)
         found.append(Joint(f'{name}_joint', second, along, first, length))
@@ -801,10 +821,16 @@ def _joints_of_dyad(dyad):
 
 def _placed_dyad(dyad, bodies):
     start = bodies[dyad.from_].at(complex_of(dyad.from_at))
+    if dyad.barrel is not None:
+        stop, offset = bodies[dyad.to].at(complex_of(dyad.to_at or (0, 0))), mp.mpf(dyad.offset)
+        way = (start - stop) / mp.mpc(root(abs(start - stop) ** 2 - offset**2), offset)
+        return {f'{dyad.name}_barrel': Body(stop, way), f'{dyad.name}_rod': Body(start, way)}
     side, length = (1 if dyad.assembly == 'open' else -1), mp.mpf(dyad.first.length)
     if dyad.second is None:
-        way = mp.expj(mp.mpf(dyad.slider.angle))
-        joint = met_on_guide(start, length, complex_of(dyad.slider.at), way, side)
+        carrier = bodies[dyad.slider.on]
+        way = mp.expj(mp.mpf(dyad.slider.angle)) * carrier.way
+        at = carrier.at(complex_of(dyad.slider.at))
+        joint = met_on_guide(start, length, at, way, side)
         last = {f'{dyad.name}_slider': Body(joint, way)}
     else:
         stop = bodies[dyad.to].at(complex_of(dyad.to_at or (0, 0)))

@@ -53,6 +53,7 @@ from linkage_ros import (
     travel,
 )
 from linkage_ros.formulas import dot, number
+from linkage_ros.mechanism.axes import spin_of
 from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.loads.gas import GasForce
 from linkage_ros.mechanism.wrenches import FRAME, poses, velocity
@@ -580,7 +581,7 @@ def virtual_power(solver, state, wrenches, levers):
     for wrench in chain.from_iterable(wrenches.values()):
         if wrench.body != FRAME:
             found = found + number(wrench.effort) * levers[wrench.body]
-            spin = bodies[wrench.body].spin(wrench.body)
+            spin = spin_of(bodies, wrench.body)
             found = found + number(wrench.couple) * (0.0 if spin is None else levers[spin])
             if wrench.point is not None:
                 found = found + dot(wrench.force, velocity(wrench.point, links, levers))

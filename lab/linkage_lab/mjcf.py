@@ -16,7 +16,7 @@ import numpy as np
 
 from linkage_ros import ConfigurationError, Force, LinkLoad, Mechanism, Pins, Solver, Spring, State
 from linkage_ros.extensions import Link, Point, Structure
-from linkage_ros.internals import make_urdf, rigid_links
+from linkage_ros.internals import axes_of, make_urdf, rigid_links, spin_of
 from linkage_ros.quantities import build, flatten
 
 # MuJoCo raises the time constant of a constraint, the first number of solref, to at least twice
@@ -99,7 +99,7 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     position, velocity = (list(map(float, row)) for row in start[:2])
     for i, link in reversed([*enumerate(links)]):
         if link.parent is not None and not link.slides:
-            carrier, guide = links[link.parent].axes(link.parent)
+            carrier, guide = axes_of(links, link.parent)
             turned = guide or 0.0
             if carrier is not None:
                 turned += position[carrier]
@@ -119,7 +119,7 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     for name, link, shape, at in zip(names, links, described, position, strict=True):
         bodies.append(_body(name, link, shape, at))
         (world if link.parent is None else bodies[link.parent]).append(bodies[-1])
-    pairs = [_close(closure, last, names, bodies) for closure, last in structure.closures]
+    pairs = _pairs(mechanism, names, [*bodies, world])
     passive = _Passive(structure, names, [*bodies, world])
     motors = []
     for load in mechanism.loads:
@@ -165,6 +165,31 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     )  # fmt: skip
     ET.indent(root)
     return ET.tostring(root, encoding='unicode') + '\n'
+
+
+def _pairs(
+    mechanism: Mechanism, names: list[str], bodies: list[ET.Element]
+) -> list[tuple[str, str]]:
+    """Adds two sites for each loop that constraints hold together; returns their names.
+
+    Args:
+        mechanism: The mechanism.
+        names: Names of its joints.
+        bodies: Bodies of the links, then the world.
+    """
+    structure = mechanism.structure()
+    loop, *added = structure.closures
+    pairs = [_close(*loop, names, bodies)]
+    for dyad, closure in zip(mechanism.dyads, added, strict=True):
+        if dyad.rod is None:
+            pairs.append(_close(*closure, names, bodies))
+            continue
+        (end, _), (_, rod) = structure.ends(dyad), closure  # the rod's pin is on a carrier
+        pairs.append((f'{names[rod]}_pin', f'{names[rod]}_end'))
+        carrier = -1 if end.carrier is None else end.carrier
+        bodies[carrier].append(_site(pairs[-1][0], end.at))
+        bodies[rod].append(_site(pairs[-1][1], 0j))
+    return pairs
 
 
 def _close(
@@ -268,11 +293,11 @@ class _Passive:
         for pin in self._structure.pins:
             rates = dict.fromkeys(self._names, 0)
             for link, sign in ((pin.second, 1), (pin.first, -1)):
-                j = None if link is None else links[link].spin(link)
+                j = None if link is None else spin_of(links, link)
                 while j is not None:  # the rate of a link is the sum of those of its joints
                     rates[self._names[j]] += sign
                     above = links[j].parent
-                    j = None if above is None else links[above].spin(above)
+                    j = None if above is None else spin_of(links, above)
             if one.pin in {'', pin.name}:
                 joints = [_element('joint', joint=x, coef=str(c)) for x, c in rates.items() if c]
                 self.tendons.append(_element(

@@ -156,8 +156,8 @@ class Mechanism(_FromDrawing):
         loop = self.loop_of(description or self.description)
         if not self.dyads:
             return loop
-        points = self.structure().points
-        return Chain(loop, tuple(dyad.loop(points) for dyad in self.dyads))
+        structure = self.structure()
+        return Chain(loop, tuple(dyad.loop(structure) for dyad in self.dyads))
 
     def loop_of(self, description: Description) -> Loop:
         """Returns the kinematic constants of the loop in a description."""
@@ -241,7 +241,9 @@ class Mechanism(_FromDrawing):
         Raises:
             ConfigurationError: The link is not a slider whose stroke has fixed ends.
         """
-        if any(dyad.slider and name in dyad.parts for dyad in self.dyads):
+        structure = self.structure()
+        last = (structure.links[j] for _, j in structure.closures[1:])
+        if any(link.slides and link.name == name for link in last):
             return stroke_of(self, what, name)
         raise ConfigurationError(
             f'{what}: {name} of a {type(self).__name__} is not a slider whose stroke has fixed '

@@ -57,8 +57,7 @@ def reach_of(mechanism: Any) -> Reach | None:
     for i, (dyad, given) in enumerate(zip(dyads, mechanism.dyads, strict=True)):
         constants = Constants((Chain(loop, dyads[:i]), dyad))
         margins = Program(_margins, constants, ('crank_angle',))
-        size = sum(part.length for part in given.parts.values() if hasattr(part, 'length'))
-        arcs, worst = _closed_arcs(margins, arcs, size, turn)
+        arcs, worst = _closed_arcs(margins, arcs, dyad.size, turn)
         if worst is None:
             continue
         crank, margin = worst
@@ -136,6 +135,8 @@ def _words(dyad: Dyad, margin: tuple[float, int]) -> str:
         return 'where it is in line'
     if dyad.slider is not None:
         return f'where {dyad.pins[0]} is {-size:.3g} m too far from the path of the slider'
+    if dyad.barrel is not None:
+        return f'where its ends are {-size:.3g} m too near'
     return f'where its ends are {-size:.3g} m too {("far apart", "near")[side]}'
 
 
@@ -147,7 +148,7 @@ def _closed_arcs(
     Args:
         margins: Function that returns the margins of the dyad, m, at crank angles, rad.
         arcs: Arcs on which the loop and the dyads before close, rad.
-        size: Sum of the dyad's lengths, m.
+        size: Size of the dyad, m.
         turn: Length of an arc of whole turns, rad.
 
     Returns:

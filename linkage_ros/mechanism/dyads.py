@@ -2,16 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dyads that a mechanism carries in addition to its loop, for six-bars and linkages in series.
 
-A dyad is two links between points of other links, or a link and a slider on a fixed guide. Its
-pose follows from the poses of the links that carry it. With the vector D between the ends of two
-links, b e + c f = D, where e and f point from the first end to the second. Differentiating gives
+A dyad is two links between points of other links, a link and a slider on a guide of another link,
+or a barrel and a rod between points of other links. Its pose follows from the poses of the links
+that carry it. With the vector D between the ends of two links, b e + c f = D, where e and f point
+from the first end to the second. Differentiating gives
 
     b phi' sigma = D'.f    -c psi' sigma = D'.e        sigma = sin(psi - phi)
     b phi'' sigma = D''.f + b cos(psi - phi) phi'^2 + c psi'^2    and likewise psi''
 
-For a slider, with the first end at (p, -h) in the axes of the guide, l e = (x, h) and
+For a slider on a guide whose direction g turns with the angle psi, with the vector W from the
+guide's point to the first end, W + l e = s g. In the axes (g, n) of the guide, W = (p, -h) and
+l e = (x, h), so that s = p + x and
 
-    phi' = h'/x   phi'' = (h'' + h phi'^2) / x   s' = p' - h phi'   s'' = p'' - h phi'' - x phi'^2
+    x phi' = s psi' - W'.n        x phi'' = 2 s' psi' + s psi'' + h phi'^2 - W''.n
+    s' = W'.g - h phi'            s'' = W''.g - h phi'' - x phi'^2 + s psi'^2
+
+For a rod at the position s in a barrel with the direction g and the angle phi, whose axis is at a
+distance e to the left of the barrel's pin, with the vector D from that pin to the rod's,
+D = (s + i e) g, so that s^2 = D.D - e^2 and
+
+    s phi' = D'.n                 s phi'' = D''.n - 2 s' phi' + e phi'^2
+    s' = D'.g + e phi'            s'' = D''.g + e phi'' + s phi'^2
 
 Relative errors grow as 1 / sigma^2, because the ends have rounding errors.
 """
@@ -21,46 +32,68 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn, cast
 
 from linkage_ros.errors import ConfigurationError, Mistakes, UnreachableError
-from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, dot, require, sqrt, turned
+from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cross, dot, require, sqrt, turned
+from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.kinematics import LinkPose, Loop, Pose, bends, directions
-from linkage_ros.mechanism.parts import CROSSED, OPEN, Body
+from linkage_ros.mechanism.parts import CROSSED, OPEN, Barrel, Body, Rod
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, groups, quantity, required, shown, unlisted
 from linkage_ros.units import rad_and_deg
 
 _FRAME = 'frame'
 _AT = (-1e9, 1e9)
+# The parts of each kind of dyad, and its pins.
+_KINDS: dict[tuple[str, ...], tuple[str, ...]] = {
+    ('first', 'second'): ('from', 'joint', 'to'),
+    ('first', 'slider'): ('from', 'joint'),
+    ('barrel', 'rod'): ('from', 'to'),
+}
 
 
 @dataclass(frozen=True)
 class DyadSlider(Checked):
-    """The slider of a dyad, on a fixed guide; its pin is its centre of mass.
+    """The slider of a dyad, on a guide; it does not turn relative to the link with the guide.
 
     Attributes:
         mass: Mass, kg.
-        at: A point of the pin's path, at which the slider's position is 0, in base_link, m.
-        angle: Direction of the guide in which the slider's position increases, rad.
+        at: A point of the pin's path, at which the slider's position is 0, [along, across] on the
+            link with the guide, m; on the frame in base_link.
+        angle: Direction of the guide in which the slider's position increases, from the direction
+            of its link, rad.
+        on: Link with the guide; 'frame' is the fixed link.
+        inertia: Moment of inertia about the centre of mass, kg m^2; 0 on the frame.
+        center: Centre of mass [along, across] from the pin in the direction of the guide, m; the
+            pin on the frame.
     """
 
     mass: float = quantity('number', 'mass', 'kg', span=(0.0, 1e12), default=0.0)
     at: tuple[float, float] = quantity(
-        'pair', "point [x, y] of the pin's path at which the position is 0", 'm', span=_AT,
-        default=(0.0, 0.0),
+        'pair', "point of the pin's path at which the position is 0, on the link with the guide",
+        'm', span=_AT, default=(0.0, 0.0),
     )  # fmt: skip
     angle: float = quantity(
-        'number', 'direction of the guide', 'rad', span=(-1e3, 1e3), default=0.0
+        'number', 'direction of the guide on its link', 'rad', span=(-1e3, 1e3), default=0.0
     )
+    on: str = quantity('text', 'link with the guide, or frame', default=_FRAME)
+    inertia: float = quantity(
+        'number', 'moment of inertia about the centre of mass, unless on the frame', 'kg m^2',
+        span=(0.0, 1e12), default=0.0,
+    )  # fmt: skip
+    center: tuple[float, float] = quantity(
+        'pair', 'centre of mass [along, across] the guide from the pin, unless on the frame', 'm',
+        span=_AT, default=(0.0, 0.0),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
 class Dyad(Checked):
-    """Two links, or a link and a slider, that are pinned together and to a mechanism.
+    """Two links, a link and a slider, or a barrel and a rod, that a mechanism carries.
 
-    The links are named NAME_first and NAME_second or NAME_slider, the pins NAME_from, NAME_joint
-    and NAME_to, unless `names` gives other names.
+    The links are named NAME_first and NAME_second or NAME_slider, or NAME_barrel and NAME_rod, the
+    pins NAME_from, NAME_joint and NAME_to, unless `names` gives other names.
 
     Attributes:
         name: Name of the dyad.
@@ -71,10 +104,15 @@ class Dyad(Checked):
         to: Link that carries the second end.
         to_at: The second end, [along, across] on that link, m.
         slider: Slider at the joint; None with a second link.
+        barrel: Cylinder or slotted lever that turns about the second end.
+        rod: Link that slides in the barrel and is pinned to the first end. Its position is
+            measured from the foot of the perpendicular from the second end.
+        offset: Distance of the rod's axis from the second end, positive to the left of the
+            barrel's direction, m.
         assembly: 'open' if the joint lies to the left of the line from the first end to the second
-            or, with a slider, on the + side of the first end.
-        names: Names of the first link, the second link or slider, and the pins at the first end,
-            the joint and the second end; empty for the usual names.
+            or, with a slider, on the + side of the first end. A barrel has only 'open'.
+        names: Names of the two links, and of the pins at the first end, the joint and the second
+            end, if there are; empty for the usual names.
     """
 
     name: str = required()
@@ -82,13 +120,19 @@ class Dyad(Checked):
     from_at: tuple[float, float] = quantity(
         'pair', 'first end [along, across] on its link', 'm', span=_AT, default=(0.0, 0.0)
     )
-    first: Body
+    first: Body | None = None
     second: Body | None = None
     slider: DyadSlider | None = None
     to: str | None = quantity('text', 'link that carries the second end, or frame', default=None)
     to_at: tuple[float, float] | None = quantity(
         'pair', 'second end [along, across] on its link', 'm', span=_AT, default=None
     )
+    barrel: Barrel | None = None
+    rod: Rod | None = None
+    offset: float = quantity(
+        'number', "distance of the rod's axis from the second end, to the barrel's left", 'm',
+        span=_AT, default=0.0,
+    )  # fmt: skip
     assembly: str = quantity('choice', 'side of the joint', choices=(OPEN, CROSSED), default=OPEN)
     names: tuple[str, ...] = unlisted(())
 
@@ -100,54 +144,80 @@ class Dyad(Checked):
                 f'dyad {shown(self.name)}: its name must be letters, digits and underscores, and '
                 'not begin with a digit'
             )
-        if (self.second is None) == (self.slider is None):
+        if tuple(self._parts) not in _KINDS:
             raise ConfigurationError(
-                f'{label} needs second or slider, and not both: two links between two points, or '
-                'one link and a slider'
+                f'{label} needs second or slider, and not both: two links between two points '
+                '(first and second), one link and a slider (first and slider), or a cylinder '
+                '(barrel and rod)'
             )
-        if self.second is not None and self.to is None:
+        if self.slider is None and self.to is None:
             raise ConfigurationError(f'{label}.to is missing: must be a link, or {_FRAME}')
         if self.slider is not None and (self.to, self.to_at) != (None, None):
             raise ConfigurationError(
                 f'{label}.to is for a dyad of two links: leave it out; slider.at and '
                 'slider.angle are the guide'
             )
+        if self.barrel is None and self.offset:
+            raise ConfigurationError(f'{label}.offset is for a barrel and a rod: leave it out')
+        if self.barrel is not None and self.assembly != OPEN:
+            raise ConfigurationError(
+                f'{label}.assembly = {self.assembly!r}: must be {OPEN} with a barrel and a rod'
+            )
+        slider = self.slider
+        if slider and slider.on == _FRAME and (slider.inertia or any(slider.center)):
+            raise ConfigurationError(
+                f'{label}.slider: inertia and center are for a guide on a moving link: leave them '
+                'out; a slider on the frame does not turn, and its centre of mass is its pin'
+            )
+
+    @property
+    def _parts(self) -> dict[str, Any]:
+        """The parts of the two links, by parameter."""
+        every = {word: getattr(self, word) for kind in _KINDS for word in kind}
+        return {word: part for word, part in every.items() if part is not None}
 
     @property
     def parts(self) -> dict[str, Any]:
         """The parts of the two links, by the name of the link."""
-        last = 'second' if self.slider is None else 'slider'
-        names = self.names or (f'{self.name}_first', f'{self.name}_{last}')
-        return {names[0]: self.first, names[1]: getattr(self, last)}
+        names = self.names or tuple(f'{self.name}_{word}' for word in self._parts)
+        return dict(zip(names, self._parts.values(), strict=False))
 
     @property
     def pins(self) -> tuple[str, ...]:
-        """The names of the pins at the first end, the joint and, without a slider, the second."""
-        ends = ('from', 'joint') if self.slider is not None else ('from', 'joint', 'to')
-        return self.names[2:] or tuple(f'{self.name}_{end}' for end in ends)
+        """The names of the pins at the first end, the joint and the second end, if there are."""
+        words = _KINDS[tuple(self._parts)]
+        return self.names[2:] or tuple(f'{self.name}_{word}' for word in words)
 
     @property
     def references(self) -> dict[str, str]:
-        """The links that carry the ends, by parameter."""
-        ends = {'from': self.from_} if self.to is None else {'from': self.from_, 'to': self.to}
-        return {f'dyads.{self.name}.{end}': link for end, link in ends.items()}
+        """The links that carry the dyad, by parameter."""
+        found = {'from': self.from_}
+        if self.to is not None:
+            found['to'] = self.to
+        if self.slider is not None:
+            found['slider.on'] = self.slider.on
+        return {f'dyads.{self.name}.{end}': link for end, link in found.items()}
 
-    def loop(self, points: dict[str, Any]) -> 'TwoLinks | LinkAndSlider':
-        """Returns the kinematic constants, given the points of the whole mechanism."""
-        start = points[self.pins[0]]
-        length = self.first.length
-        side = 1 if self.assembly == OPEN else -1
-        refuse = Opaque(self._refuse)
-        if self.slider is None:
-            apart = points[self.pins[2]].minus(start)
-            return TwoLinks(apart, length, self.second.length, side, refuse)  # type: ignore[union-attr]
-        guide = Vector.at(self.slider.angle)
-        guide_from_base = complex(guide.x, -guide.y)  # rotation
-        start_in_guide = start._replace(
-            weights=tuple(weight * guide_from_base for weight in start.weights),
-            fixed=(start.fixed - complex(*self.slider.at)) * guide_from_base,
-        )
-        return LinkAndSlider(start_in_guide, guide, length, side, refuse)
+    def loop(self, structure: Any) -> 'TwoLinks | LinkAndSlider | BarrelAndRod':
+        """Returns the kinematic constants, given the structure of the whole mechanism."""
+        points, refuse = structure.points, Opaque(self._refuse)
+        start, side = points[self.pins[0]], 1 if self.assembly == OPEN else -1
+        if self.barrel is not None:
+            apart = start.minus(points[self.pins[-1]])
+            return BarrelAndRod(apart, self.offset, abs(self.offset), refuse)
+        first: Any = self.first
+        if self.second is not None:
+            apart = points[self.pins[-1]].minus(start)
+            return TwoLinks(apart, first.length, self.second.length, side, refuse)
+        j = structure.link_index([*self.parts][1], self.name)
+        spin, angle = axes_of(structure.links, j)
+        apart = start.minus(structure.ends(self)[1].point)
+        guide = Vector.at(angle or 0.0)
+        if spin is None:  # in the axes of the guide
+            from_base = complex(guide.x, -guide.y)  # rotation
+            weights = tuple(weight * from_base for weight in apart.weights)
+            apart = apart._replace(weights=weights, fixed=apart.fixed * from_base)
+        return LinkAndSlider(apart, spin, guide, first.length, side, refuse)
 
     def gap(self, distance: float) -> str:
         """Describes by how much the dyad does not close.
@@ -155,7 +225,13 @@ class Dyad(Checked):
         Args:
             distance: Distance of the ends, or of the first end from the pin's path, m.
         """
-        first, (link, last), (start, *_, end) = self.first.length, self.parts, self.pins
+        (link, last), (start, *_, end) = self.parts, self.pins
+        if self.barrel is not None:
+            return (
+                f'{start} and {end} are {distance:.6g} m apart, and the offset is '
+                f'{self.offset:.6g} m, gap {abs(self.offset) - distance:.3g} m'
+            )
+        first = cast('Body', self.first).length
         if self.second is None:
             return (
                 f'{start} is {distance:.6g} m from the path of {last}, and '
@@ -168,7 +244,7 @@ class Dyad(Checked):
         return f'{words}no nearer than {near:.6g} m, gap {near - distance:.3g} m'
 
     def _refuse(self, crank: float, distance: float) -> NoReturn:
-        distance = abs(distance) if self.second is None else math.sqrt(distance)
+        distance = math.sqrt(distance) if self.slider is None else abs(distance)
         raise UnreachableError(
             f'the dyad {self.name} does not close, or is in line, at crank angle '
             f'{rad_and_deg(crank)}: {self.gap(distance)}',
@@ -263,6 +339,11 @@ class TwoLinks(NamedTuple):
     side: int
     refuse: Opaque
 
+    @property
+    def size(self) -> float:
+        """Sum of the lengths, m."""
+        return self.first + self.second
+
     def margins(self, links: Sequence[LinkPose]) -> tuple[Real, ...]:
         """Computes how far the ends are from the largest and smallest possible distance, m."""
         apart, *_ = _derivatives(self.apart, links)
@@ -298,46 +379,125 @@ class LinkAndSlider(NamedTuple):
     """The kinematic constants of a dyad of a link and a slider.
 
     Attributes:
-        start: The first end in the axes of the guide, a `structure.Point`.
-        guide: Unit vector of the guide.
+        start: Vector from the guide's point to the first end, a `structure.Point`; in the axes of
+            the guide if the guide does not turn.
+        spin: Index of the link with which the guide turns; None if it does not turn.
+        guide: Unit vector of the guide, in the axes of that link.
         length: Length of the link, m.
         side: 1 for the open assembly, -1 for the crossed one.
         refuse: Function that rejects a crank angle and the distance of the end from the path.
     """
 
     start: Any
+    spin: int | None
     guide: Vector
     length: float
     side: int
     refuse: Opaque
 
+    @property
+    def size(self) -> float:
+        """Length of the link, m."""
+        return self.length
+
     def margins(self, links: Sequence[LinkPose]) -> tuple[Real, ...]:
         """Computes how far the end is from the largest possible distance, m."""
-        start, *_ = _derivatives(self.start, links)
+        (start, *_), _ = self._in_guide(links)
         return (self.length - abs(start.y),)
+
+    def _in_guide(
+        self, links: Sequence[LinkPose]
+    ) -> tuple[tuple[Vector, list[Vector], list[Vector]], Vector]:
+        """Returns the first end and its derivatives, along and across the guide; and the guide."""
+        place, slopes, changes = _derivatives(self.start, links)
+        if self.spin is None:
+            return (place, slopes, changes), self.guide
+        guide = turned(links[self.spin].direction, self.guide.x, self.guide.y)
+        place, *slopes = (Vector(dot(guide, x), cross(guide, x)) for x in (place, *slopes))
+        changes = [Vector(dot(guide, x), cross(guide, x)) for x in changes]
+        return (place, slopes, changes), guide
 
     def pose(self, links: Sequence[LinkPose]) -> tuple[LinkPose, LinkPose, Real]:
         """Computes the poses of link and slider, and the sine to the normal of the guide."""
-        length, guide = self.length, self.guide
-        start, slopes, changes = _derivatives(self.start, links)
+        length, ((start, slopes, changes), guide) = self.length, self._in_guide(links)
         height = -start.y
         square = (length - height) * (length + height)
         require(square > 0, self.refuse, links[0].position, height)
         run = self.side * sqrt(square)
-        over = 1.0 / run
-        turns = [-(slope.y * over) for slope in slopes]
+        over, place = 1.0 / run, start.x + run
+        spins, bends_of_guide = _spin(links, self.spin)
+        turns = [
+            (place * spin - slope.y) * over for slope, spin in zip(slopes, spins, strict=True)
+        ]
         slides = [slope.x - height * turn for slope, turn in zip(slopes, turns, strict=True)]
         bent, slid = [], []
-        for (square_rate,), change in zip(_products([(x,) for x in turns]), changes, strict=True):
-            bend = (height * square_rate - change.y) * over
+        products = zip(_products(list(zip(turns, spins, strict=True))), _mixed(slides, spins),
+                       changes, bends_of_guide, strict=True)  # fmt: skip
+        for (square, spin_square), drift, change, bend_of_guide in products:
+            across = height * square + (2 * drift + place * bend_of_guide)
+            bend = (across - change.y) * over
             bent.append(bend)
-            slid.append(change.x - height * bend - run * square_rate)
+            slid.append(change.x - height * bend - run * square + place * spin_square)
         scale = 1.0 / length
         way = turned(Vector(run, height), guide.x * scale, guide.y * scale)
         return (
             LinkPose(atan2(way.y, way.x), way, tuple(turns), tuple(bent)),
-            LinkPose(start.x + run, guide, tuple(slides), tuple(slid)),
+            LinkPose(place, guide, tuple(slides), tuple(slid)),
             run * scale,
+        )
+
+
+class BarrelAndRod(NamedTuple):
+    """The kinematic constants of a dyad of a barrel and a rod.
+
+    Attributes:
+        apart: Vector from the barrel's pin to the rod's, a `structure.Point`.
+        offset: Distance of the rod's axis from the barrel's pin, to the left, m.
+        nearest: Absolute value of the offset, m.
+        refuse: Function that rejects a crank angle and the squared distance of the pins.
+    """
+
+    apart: Any
+    offset: float
+    nearest: float
+    refuse: Opaque
+
+    @property
+    def size(self) -> float:
+        """Largest distance of the pins, m, if all links that carry them were in line."""
+        return math.fsum(map(abs, (*self.apart.weights, self.apart.fixed)))
+
+    def margins(self, links: Sequence[LinkPose]) -> tuple[Real, ...]:
+        """Computes how far the pins are from the smallest possible distance, m."""
+        apart, *_ = _derivatives(self.apart, links)
+        return (sqrt(dot(apart, apart)) - self.nearest,)
+
+    def pose(self, links: Sequence[LinkPose]) -> tuple[LinkPose, LinkPose, Real]:
+        """Computes the poses of barrel and rod, and the sine from the rod's pin to the guide."""
+        offset, (apart, slopes, changes) = self.offset, _derivatives(self.apart, links)
+        square = dot(apart, apart)
+        distance = sqrt(square)
+        margin = distance - self.nearest
+        require(margin > 0, self.refuse, links[0].position, square)
+        place = sqrt(margin * (distance + self.nearest))
+        scale = 1.0 / square
+        barrel, over = turned(apart, scale * place, scale * -offset), 1.0 / place
+        turns = [cross(barrel, slope) * over for slope in slopes]
+        slides = [
+            dot(slope, barrel) + offset * turn for slope, turn in zip(slopes, turns, strict=True)
+        ]
+        bent, slid = [], []
+        products = zip(
+            _products([(x,) for x in turns]), _mixed(slides, turns), changes, strict=True
+        )
+        for (spin_square,), drift, change in products:
+            bend = (cross(barrel, change) - 2 * drift + offset * spin_square) * over
+            bent.append(bend)
+            slid.append(dot(change, barrel) + offset * bend + place * spin_square)
+        return (
+            LinkPose(atan2(barrel.y, barrel.x), barrel, tuple(turns), tuple(bent)),
+            LinkPose(place, barrel, tuple(slides), tuple(slid)),
+            place / distance,
         )
 
 
@@ -380,6 +540,22 @@ def _products(rates: Sequence[tuple[Real, ...]]) -> list[tuple[Real, ...]]:
         tuple(x * y if k == j else 2 * x * y for x, y in zip(rates[k], rates[j], strict=True))
         for k, j in itertools.combinations_with_replacement(range(len(rates)), 2)
     ]
+
+
+def _mixed(one: Sequence[Real], other: Sequence[Real]) -> list[Real]:
+    """Computes the factor of each product of two rates in the product of two velocities."""
+    return [
+        one[k] * other[k] if k == j else one[k] * other[j] + one[j] * other[k]
+        for k, j in itertools.combinations_with_replacement(range(len(one)), 2)
+    ]
+
+
+def _spin(links: Sequence[LinkPose], spin: int | None) -> tuple[Sequence[Real], Sequence[Real]]:
+    """Returns the derivatives of the angle of a guide; ZERO if it does not turn."""
+    if spin is not None:
+        return links[spin].jacobian, links[spin].curvature
+    count = len(links[0].jacobian)
+    return [ZERO] * count, [ZERO] * (count * (count + 1) // 2)
 
 
 def _columns(rows: Sequence[tuple[Real, Real]]) -> tuple[tuple[Real, ...], ...]:

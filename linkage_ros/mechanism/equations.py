@@ -37,6 +37,7 @@ from linkage_ros.formulas import (
     turned,
     where,
 )
+from linkage_ros.mechanism.axes import spin_of
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.kinematics import LinkPose, Loop, PointMotion, Pose, Rows
 from linkage_ros.mechanism.loads.base import JointLoad, Load
@@ -180,8 +181,8 @@ class Model(NamedTuple):
         """Returns C_jj of a link, kg m^2; for a guided link, its mass, kg."""
         if self.links[j].is_guided:
             return self.links[j].mass
-        spinning = (link.inertia for k, link in enumerate(self.links) if link.spin(k) == j)
-        return self.coupling(j, j).x + total(spinning)
+        turning = [k for k in range(len(self.links)) if spin_of(self.links, k) == j]
+        return self.coupling(j, j).x + total(self.links[k].inertia for k in turning)
 
     def coupled(self, pose: Pose, j: int, k: int) -> tuple[Real, Real]:
         """Returns A and B, the real and imaginary parts of C_jk e^(i (phi_k - phi_j))."""
@@ -438,8 +439,9 @@ def dyad_lines(
     direction, parent = pose.links[j].direction, slider.parent
     if not slider.slides:
         found.append((direction, rates[j]))
-    elif parent is None:
-        found.append((direction.left(), ZERO))
+    elif parent is None or parent < i:  # the link on which it slides is solved before
+        spin = spin_of(model.links, j)
+        found.append((direction.left(), ZERO if spin is None else rates[spin]))
     else:
         origin: Any = slider.origin  # a `Vector` in formulas
         along, across = pose.links[j].position, origin.y

@@ -356,7 +356,7 @@ class InvertedSliderCrank(SlideDriven):
                 ),
                 Link(
                     'rod', rod.mass, rod.inertia, A.along(1, *rod.center),
-                    parent=1, origin=1j * self.offset, slides=True,
+                    parent=1, origin=1j * self.offset, slides=True, pin=A,
                 ),
             ),
             {'A0': A0, 'A': A, 'B0': B0, 'E': B0.along(1, mouth, self.offset)},

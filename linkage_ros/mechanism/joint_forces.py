@@ -37,6 +37,7 @@ from linkage_ros.formulas import (
     total,
     where,
 )
+from linkage_ros.mechanism.axes import spin_of
 from linkage_ros.mechanism.equations import (
     AT_REST,
     Environment,
@@ -176,7 +177,7 @@ class _Balance:
         for j, body in enumerate(model.links):
             center, _, acceleration = body.center.motion(self._directions, rates, changes)
             self._known[j].append((center, (model.gravity - acceleration) * body.mass))
-            spin = body.spin(j)
+            spin = spin_of(model.links, j)
             change = ZERO if spin is None else changes[spin]
             self._couples[j] = self._couples[j] - body.inertia * change
             if body.slides:
@@ -213,7 +214,7 @@ class _Balance:
         if j == _FRAME or not self._links[j].slides:
             self._couples[body] = self._couples[body] + effort
         elif effort is not ZERO:
-            self._known[body].append((self._slid[j], self._directions[j] * effort))
+            self._push(body, self._slid[j], self._directions[j] * effort)
 
     def _parent(self, j: int) -> int:
         """Returns the body on which a link slides."""
@@ -254,15 +255,16 @@ class _Balance:
         inner, outer = self._positions[pin.name], self._positions[outer_pin.name]
         first, second = self._directions[i], self._directions[j]
         across_first = -self.moment(i, outer) / dot(inner - outer, first)
-        parent = self._links[j].parent
-        if self._links[j].slides and parent is not None:
-            (pivot,) = self._pins_of(parent)
+        slides, parent = self._links[j].slides, self._links[j].parent
+        barrel = parent if slides and parent is not None and parent > i else None
+        if barrel is not None:
+            (pivot,) = self._pins_of(barrel)
             outer = self._positions[pivot.name]
             arm = inner - outer
             length = sqrt(dot(arm, arm))
             second = arm * (1.0 / length)
-            across_second = (self.moment(parent, outer) + self.moment(j, outer)) / length
-        elif self._links[j].slides:
+            across_second = (self.moment(barrel, outer) + self.moment(j, outer)) / length
+        elif slides:
             across_second = -dot(self.force(j), second)
             second = second.left()
         else:
@@ -271,10 +273,11 @@ class _Balance:
             across_second = self.moment(j, outer) / dot(inner - outer, second)
         force = (second * across_first - first * across_second) * (1.0 / sine)
         self._add_pin_force(pin, force)
-        if self._links[j].slides and parent is not None:
+        if barrel is not None:
             self.driving_force = along = dot(self._directions[j], self.force(j))
             self._add_effort(j, j, along)
-            self._add_effort(parent, j, -along)
+            self._add_effort(barrel, j, -along)
+        if slides and parent is not None:
             self.guide(j)
 
     def _solve_cylinder(self, i: int, j: int, pin: Pin, pivot: Vector) -> None:
@@ -326,7 +329,7 @@ class _Balance:
             force = dot(across, self.force(j))
             # All forces on a guided link pass through its pin.
             moment = -self._couples[j] if body == _FRAME else self.moment(j, place)
-            self._known[body].append((place, across * -force))
+            self._push(body, place, across * -force)
             self._couples[body] = self._couples[body] - moment
             self._guides[j] = force, moment
         return self._guides[j]

@@ -131,17 +131,17 @@ class Slider(Checked):
 
 @dataclass(frozen=True)
 class Barrel(Checked):
-    """The barrel of a cylinder, or a slotted lever, which turns about the fixed pivot B0.
+    """The barrel of a cylinder, or a slotted lever, which turns about a pivot.
 
     Attributes:
         mass: Mass, kg.
         inertia: Moment of inertia about its centre of mass, kg m^2.
-        center: Centre of mass [along, across] from B0, m.
+        center: Centre of mass [along, across] from the pivot, m.
     """
 
     mass: float = _mass()
     inertia: float = _inertia()
-    center: tuple[float, float] = _center('the pivot B0')
+    center: tuple[float, float] = _center('the pivot')
 
 
 @dataclass(frozen=True)
@@ -151,13 +151,13 @@ class Rod(Checked):
     Attributes:
         mass: Mass, kg.
         inertia: Moment of inertia about its centre of mass, kg m^2.
-        center: Centre of mass [along, across] from the crank pin A in the barrel's direction, m.
-            A centre between B0 and A is behind A, at a negative distance along.
+        center: Centre of mass [along, across] from its pin in the barrel's direction, m. A centre
+            between the pivot and the pin is behind the pin, at a negative distance along.
     """
 
     mass: float = _mass()
     inertia: float = _inertia()
-    center: tuple[float, float] = _center("A in the barrel's direction")
+    center: tuple[float, float] = _center("the rod's pin in the barrel's direction")
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,8 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
 
     The x axis of a link points from its first to its second pin; for a sliding link, it points
     along the guide. The width of the bars' boxes is 1/20 of the length of the shortest bar. They
-    are stacked along z so that they do not intersect.
+    are stacked along z so that they do not intersect. A dyad's link without a length is a block at
+    its pin.
 
     Args:
         mechanism: Mechanism to convert.
@@ -55,7 +56,7 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
         The links, in which a small value replaces a mass or inertia of 0.
     """
     structure = mechanism.structure()
-    joints, opening = structure.links, mouth(structure)
+    joints, opening, (_, last) = structure.links, mouth(structure), structure.closures[0]
     parts = mechanism.parts()
     bodies = [parts[joint.name] for joint in joints]
     width = min(body.length for body in bodies if hasattr(body, 'length')) / 20
@@ -63,21 +64,23 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
     links = []
     for layer, (joint, body) in enumerate(zip(joints, bodies, strict=True)):
         turns, mass = not joint.is_guided, body.mass or least_mass
-        # A slider does not turn, so the inertia of a box does not change the motion.
-        length, height = (6 * width, 4 * width)
-        if turns:
-            length, height = getattr(body, 'length', opening.real), width
+        length, height = getattr(body, 'length', opening.real if layer <= last else 0.0), width
+        is_block = not length
+        if is_block:
+            length, height = (6 * width, 4 * width)
         behind = -1 if joint.slides else 1  # a rod is between its pin and the mouth of its barrel
+        # A slider on the frame does not turn, so its inertia does not change the motion.
         box = least_mass * length**2 if turns else mass * math.hypot(length, height) ** 2
         inertia = (turns and body.inertia) or max(box / 12, _LEAST)
-        zeros = [word for word in ('mass', 'inertia') if getattr(body, word, 1.0) == 0]
+        words = ('mass', 'inertia') if turns else ('mass',)
+        zeros = [word for word in words if getattr(body, word) == 0]
         note = f' {" and ".join(zeros)} 0 in the parameters; simulators refuse 0, so small here '
         links.append(
             RigidLink(
                 joint, f'{joint_prefix}{joint.name}', mass, inertia,
                 body.center if turns else (0.0, 0.0), note if zeros else '',
                 (length, height, width),
-                (behind * length / 2 if turns else 0.0, 0.0, layer * width),
+                (0.0 if is_block else behind * length / 2, 0.0, layer * width),
             )
         )  # fmt: skip
     return links

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple, TypeAlias, cast
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Vector, cos, sin, turned
-from linkage_ros.mechanism.dyads import Dyad, DyadSlider
+from linkage_ros.mechanism.axes import axes_of
+from linkage_ros.mechanism.dyads import Dyad
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.parts import Body, Coupler
 from linkage_ros.mechanism.wrenches import FRAME
@@ -91,6 +92,7 @@ class Link(NamedTuple):
         origin: Position of the joint in the axes of the parent, x + iy, m.
         angle: Direction of the joint's x axis in the axes of the parent, rad.
         slides: Whether the joint is prismatic; it then slides along its x axis.
+        pin: For a link that slides on a moving link, its pin.
     """
 
     name: str
@@ -101,6 +103,7 @@ class Link(NamedTuple):
     origin: complex = 0j
     angle: float = 0.0
     slides: bool = False
+    pin: Point | None = None
 
     @property
     def units(self) -> JointUnits:
@@ -118,28 +121,6 @@ class Link(NamedTuple):
         if not self.slides:
             return 'crank'
         return 'slider' if self.is_guided else 'cylinder'
-
-    def spin(self, index: int) -> int | None:
-        """Returns the index of the link whose angle gives the direction of this one.
-
-        Args:
-            index: Index of this link.
-
-        Returns:
-            This link, the link on which it slides, or None if it is guided by the frame.
-        """
-        return self.parent if self.slides else index
-
-    def axes(self, index: int) -> tuple[int | None, float | None]:
-        """Returns the direction from which the links that this one carries are measured.
-
-        Args:
-            index: Index of this link.
-
-        Returns:
-            The result of `spin`, and the direction of a guide on the frame, rad, or None.
-        """
-        return self.spin(index), self.angle if self.is_guided else None
 
     @classmethod
     def turning(cls, name: str, body: Body, index: int, pin: Point) -> 'Link':
@@ -165,6 +146,11 @@ class Link(NamedTuple):
         """Creates a link of a dyad; for the arguments, see `turning`."""
         center = end.point.along(index, *body.center)
         return cls(name, body.mass, body.inertia, center, end.carrier, end.at)
+
+    def wider(self, links: int) -> 'Link':
+        """Returns the same link of a mechanism with further links."""
+        pin = self.pin and self.pin.wider(links)
+        return self._replace(center=self.center.wider(links), pin=pin)
 
 
 class End(NamedTuple):
@@ -218,17 +204,33 @@ class AddedDyad(NamedTuple):
 
     Attributes:
         closure: See `Structure.closure`.
-        pins: Names of the pins at its first end, its joint and, without a slider, its second end.
+        pins: Names of the pins at its first end, its joint and its second end, if there
+            are.
     """
 
     closure: Point
     pins: tuple[str, ...]
 
 
+class _New(NamedTuple):
+    """What a dyad adds to a `Structure`.
+
+    Attributes:
+        links: Its links.
+        joints: The point of each of its pins, and the links that the pin joins; see `Pin`.
+        closure: See `Structure.closure`.
+    """
+
+    links: tuple[Link, Link]
+    joints: tuple[tuple[Point, int | None, int], ...]
+    closure: Point
+
+
 # The indices of two links joined by a pin; their other pins determine their positions (an Assur
-# group). If the second link slides on the frame, it is treated as an infinitely long link
-# perpendicular to its guide; if it slides on another link, as the line from that link's pin to its
-# own. If it slides on the first link, the two are a dyad with an inner guide (a cylinder).
+# group). If the second link slides on the frame, or on a link before the first one, it is treated
+# as an infinitely long link perpendicular to its guide; if it slides on a later link, as the line
+# from that link's pin to its own. If it slides on the first link, the two are a dyad with an inner
+# guide (a cylinder).
 DyadLinks: TypeAlias = tuple[int, int]
 
 
@@ -240,8 +242,8 @@ class Structure(NamedTuple):
         points: The pins A0, A, B and, if present, B0, D, the coupler point C and the mouth E of a
             barrel, by name. In a drawing, they have the names of its pins.
         closure: Sum of the turning links' vectors around the loop. In a closed loop, this sum is
-            0 or, with a sliding link, the position of that link's pin. The sliding link is the
-            last of the loop.
+            0 or, with a sliding link, the position of that link's pin from the first pin of the
+            link on which it slides. The sliding link is the last of the loop.
         pins: The pin joints; empty if joint forces are not supported.
         dyads: The dyads, in the order in which they are solved.
         other_dyads: The dyads for `Mechanism.other_coordinates`.
@@ -304,46 +306,40 @@ class Structure(NamedTuple):
 
     def with_dyad(self, dyad: Dyad) -> 'Structure':
         """Returns the structure with the links, points and pins of a dyad."""
-        name, (name_of_first, name_of_second), names = dyad.name, dyad.parts, dyad.pins
         i, j = len(self.links), len(self.links) + 1  # of the two links
         wide = self._for_two_more_links()
-        start = wide.end_on(name, dyad.from_, dyad.from_at)
-        joint = start.point.along(i, dyad.first.length)
-        first = Link.carried(name_of_first, dyad.first, i, start)
-        points = {names[0]: start.point, names[1]: joint}
-        pins = [Pin(names[0], start.carrier, i), Pin(names[1], i, j)]
-        if dyad.second is not None:
-            end = wide.end_on(name, str(dyad.to), dyad.to_at or (0.0, 0.0))
-            second = Link.carried(name_of_second, dyad.second, j, end)
-            points[names[2]] = end.point
-            pins.append(Pin(names[2], end.carrier, j))
-            gap = joint.minus(end.point.along(j, dyad.second.length))
-        else:
-            slider = cast('DyadSlider', dyad.slider)
-            second = Link(
-                name_of_second, slider.mass, inertia=0.0, center=joint,
-                origin=complex(*slider.at), angle=slider.angle, slides=True,
-            )  # fmt: skip
-            gap = joint
+        build = _barrel_and_rod
+        if dyad.barrel is None:
+            build = _two_links if dyad.slider is None else _link_and_slider
+        new = build(wide, dyad, i, j)
+        points, *joined = zip(*new.joints, strict=True)
+        pins = (Pin(*pin) for pin in zip(dyad.pins, *joined, strict=True))
         return wide._replace(
-            links=(*wide.links, first, second),
-            points=wide.points | points,
+            links=(*wide.links, *new.links),
+            points=wide.points | dict(zip(dyad.pins, points, strict=True)),
             pins=(*wide.pins, *pins) if wide.pins else (),
             dyads=(*wide.dyads, (i, j)),
             other_dyads=(*wide.other_dyads, (i, j)) if wide.other_dyads else (),
-            added=(*wide.added, AddedDyad(gap, names)),
+            added=(*wide.added, AddedDyad(new.closure, dyad.pins)),
         )
 
     def _for_two_more_links(self) -> 'Structure':
         """Returns the same structure, whose points have weights for two more links."""
         return self._replace(
-            links=tuple(link._replace(center=link.center.wider(2)) for link in self.links),
+            links=tuple(link.wider(2) for link in self.links),
             points={name: point.wider(2) for name, point in self.points.items()},
             closure=self.closure.wider(2),
             added=tuple(dyad._replace(closure=dyad.closure.wider(2)) for dyad in self.added),
         )
 
-    def end_on(self, dyad: str, carrier: str, at: tuple[float, float]) -> 'End':
+    def ends(self, dyad: Any) -> tuple['End', 'End']:
+        """Returns the first end of a dyad, and the second end or a point of the guide."""
+        other = dyad.to, dyad.to_at or (0.0, 0.0)
+        if dyad.slider is not None:
+            other = dyad.slider.on, dyad.slider.at
+        return self._end_on(dyad.name, dyad.from_, dyad.from_at), self._end_on(dyad.name, *other)
+
+    def _end_on(self, dyad: str, carrier: str, at: tuple[float, float]) -> 'End':
         """Returns the end of a dyad on a link, or on the frame.
 
         Raises:
@@ -382,14 +378,18 @@ class Structure(NamedTuple):
         if link == FRAME:
             return Point.at(complex(*at), len(self.closure.weights))
         body = self.links[link]
-        if body.slides and body.parent is not None:
-            pin = next(pin.name for pin in self.pins if link in (pin.first, pin.second))
-            return self.points[pin].along(body.parent, *at)
         if body.slides:
-            center = body.center
-            return center._replace(fixed=center.fixed + complex(*at) * direction(body.angle))
+            return self.turned_with(link, body.pin or body.center, at)
         above = FRAME if body.parent is None else body.parent
         return self.point_of(above, (body.origin.real, body.origin.imag)).along(link, *at)
+
+    def turned_with(self, link: int, pin: Point, at: tuple[float, float]) -> Point:
+        """Returns the point [along, across] from a pin, m, in the axes of a link that slides."""
+        spin, guide = axes_of(self.links, link)
+        arm = complex(*at) if guide is None else complex(*at) * direction(guide)
+        if spin is None:
+            return pin._replace(fixed=pin.fixed + arm)
+        return pin.along(spin, arm.real, arm.imag)
 
     def loop_residual(self, state: State) -> float:
         """Computes the largest closure error of loop and dyads, m, at a state of floats."""
@@ -403,10 +403,60 @@ class Structure(NamedTuple):
             )
             if last.slides:
                 slid = last.origin + state.position[j] * direction(last.angle)
-                axis = 1.0 if last.parent is None else direction(state.position[last.parent])
-                reached -= slid * axis
+                reached -= slid * self._axis(last.parent, state)
             found.append(abs(reached))
         return max(found)
+
+    def _axis(self, j: int | None, state: State) -> Any:
+        """Returns the direction of the x axis of a link, or of base_link, as e^(i angle)."""
+        if j is None:
+            return 1.0
+        spin, guide = axes_of(self.links, j)
+        turned = 1.0 if spin is None else direction(state.position[spin])
+        return turned if guide is None else turned * direction(guide)
+
+
+def _two_links(wide: Structure, dyad: Any, i: int, j: int) -> _New:
+    (name, other), (start, end) = dyad.parts, wide.ends(dyad)
+    joint = start.point.along(i, dyad.first.length)
+    first = Link.carried(name, dyad.first, i, start)
+    second = Link.carried(other, dyad.second, j, end)
+    return _New(
+        (first, second),
+        ((start.point, start.carrier, i), (joint, i, j), (end.point, end.carrier, j)),
+        joint.minus(end.point.along(j, dyad.second.length)),
+    )
+
+
+def _link_and_slider(wide: Structure, dyad: Any, i: int, j: int) -> _New:
+    (name, other), (start, guide), slider = dyad.parts, wide.ends(dyad), dyad.slider
+    first = Link.carried(name, dyad.first, i, start)
+    joint = start.point.along(i, dyad.first.length)
+    last = Link(
+        other, slider.mass, slider.inertia, joint, guide.carrier, guide.at, slider.angle,
+        slides=True,
+    )  # fmt: skip
+    closure = joint
+    if guide.carrier is not None:
+        links = (*wide.links, first, last)
+        center = wide._replace(links=links).turned_with(j, joint, slider.center)
+        last = last._replace(center=center, pin=joint)
+        closure = joint.minus(wide.point_of(guide.carrier, (0.0, 0.0)))
+    return _New((first, last), ((start.point, start.carrier, i), (joint, i, j)), closure)
+
+
+def _barrel_and_rod(wide: Structure, dyad: Any, i: int, j: int) -> _New:
+    (name, other), (start, end), rod = dyad.parts, wide.ends(dyad), dyad.rod
+    barrel = Link.carried(name, dyad.barrel, i, end)
+    last = Link(
+        other, rod.mass, rod.inertia, start.point.along(i, *rod.center), i, 1j * dyad.offset,
+        slides=True, pin=start.point,
+    )  # fmt: skip
+    return _New(
+        (barrel, last),
+        ((start.point, start.carrier, j), (end.point, end.carrier, i)),
+        start.point.minus(end.point),
+    )
 
 
 def output_index(links: Sequence[Link], driven: int) -> int:
@@ -422,8 +472,8 @@ def output_index(links: Sequence[Link], driven: int) -> int:
     last = len(links) - 1
     if last == driven:
         return 0
-    parent = links[last].parent
-    return last if parent is None or not links[last].slides else parent
+    barrel = last - 1
+    return barrel if links[last].slides and links[last].parent == barrel else last
 
 
 def mouth(structure: Structure) -> complex:

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from linkage_ros.formulas import ZERO, Vector, cross, dot, turned
+from linkage_ros.mechanism.axes import axes_of, spin_of
 from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.numeric import Real
 
@@ -54,7 +55,7 @@ class Wrench(NamedTuple):
             return
         if effort is not ZERO:
             yield body, effort
-        if couple is not ZERO and (spin := bodies[body].spin(body)) is not None:
+        if couple is not ZERO and (spin := spin_of(bodies, body)) is not None:
             yield spin, couple
         if point is None:
             return
@@ -103,9 +104,10 @@ def poses(bodies: Sequence[Any], positions: Sequence[Real]) -> list[LinkPose]:
         positions: Positions as in `State`, rad and m.
     """
     found = []
-    for j, (body, position) in enumerate(zip(bodies, positions, strict=True)):
-        spin = body.spin(j)
-        angle = body.angle if spin is None else positions[spin]
+    for j, position in enumerate(positions):
+        spin, guide = axes_of(bodies, j)
+        angle = 0.0 if spin is None else positions[spin]
+        angle = angle if guide is None else angle + guide
         found.append(LinkPose(position, Vector.at(angle), (), ()))
     return found
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from linkage_ros.formulas import rint, where
+from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.structure import Link
 from linkage_ros.numeric import Array, Real, wrap
@@ -67,7 +68,7 @@ def carrier_axes(links: Sequence[Link], link: Link) -> tuple[int | None, float |
     """
     if link.slides or link.parent is None:
         return None, None
-    return links[link.parent].axes(link.parent)
+    return axes_of(links, link.parent)
 
 
 def joint_rows(

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.joints import RobotJoint, own_joints
@@ -115,7 +116,7 @@ def robot_joints(
         ConfigurationError: A ratio is 0, a parent is not valid, or two joints have one name.
     """
     axes: dict[str, tuple[int | None, float | None]] = {FRAME: (None, None)}
-    axes |= {link.name: link.axes(i) for i, link in enumerate(links)}
+    axes |= {link.name: axes_of(links, i) for i, link in enumerate(links)}
     found = list(own_joints(links, joint_prefix))
     found[driven] = found[driven]._replace(is_measured=is_measured)
     for i, (link, joint) in enumerate(zip(links, found, strict=True)):

@@ -10,11 +10,12 @@ import math
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from linkage_ros.errors import UnreachableError
+from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Point, Structure
@@ -27,10 +28,30 @@ _MARK, _SCALE = 0.04, 0.25
 _PIVOT_HEIGHT = 1.4  # height of a pivot's symbol with its ground, marks
 # Distance of a label from a pin, and from the pin of a slider's block; height of a label; marks.
 _LABEL_DISTANCE, _LABEL_BEYOND_BLOCK, _LABEL_HEIGHT = 1.5, 1.9, 1.4
+# Corners of a block and midpoints of its sides, marks; their order along the lines of a block,
+# also of one on a guide that ends at the corners 7 and 8; and how far the guide exceeds the
+# stroke, marks.
+_BLOCK = np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j, 1, -1, -0.6j])
+_OUTLINE, _ON_A_ROD = (0, 1, 2, 3, 0), (7, 5, 1, 0, 4, 8, 4, 3, 2, 5)
+_BEYOND = 1.6
 _STEPS_PER_TURN = 360
 _BEFORE_END = 1e-9  # distance from the ends of an arc or of a dyad's reach, relative to its length
 # Grid of crank angles and slider positions of a mechanism with a free slider.
 _ANGLES, _POSITIONS = 72, 121
+
+
+class _Corner(NamedTuple):
+    """A corner of a drawn link that is no point of the structure.
+
+    Attributes:
+        start: Name of the point from which it is placed.
+        arm: Vector from there, in the axes of a link, m.
+        spin: Index of that link; None for the axes of base_link.
+    """
+
+    start: str
+    arm: complex
+    spin: int | None
 
 
 class Drawing:
@@ -80,7 +101,7 @@ class Drawing:
             for pin, link in self.owners.items()
             if mechanism.reach()
         }
-        self._connect(asides)
+        self._connect(asides, self._hidden(mechanism, positions))
         self.ground = self._ground(swept)
         self.pivot_labels = self._pivot_labels(swept)
         self._arrows = LoadArrows(mechanism, self._mark, positions)
@@ -117,8 +138,9 @@ class Drawing:
             self.ends |= {barrel: (pivot, mouth), output.name: (mouth, loop[-1])}
             self.owners[mouth] = barrel
             loop.append(mouth)
-        # The pin of each slider on the frame.
+        # The pin of each slider, and the mouth of the barrel of each dyad's rod.
         self._blocks = {last: loop[-1]} if output.is_guided else {}
+        self._mouths = dict[int, str]()
         asides = self._add_dyads(structure)
         known = {*loop, *asides, *self.owners}
         for name in self.pins:
@@ -133,6 +155,8 @@ class Drawing:
         """Draws the pivots, and the guides of the sliders; see `place` for the points."""
         lines = [line for pivot in self.pivots for line in _pivot(pivot, self._mark)]
         for j, pin in self._blocks.items():
+            if not self._links[j].is_guided:
+                continue
             axis = cmath.rect(1.0, self._links[j].angle)
             path = swept[:, self.pins.index(pin)] @ (1, 1j)
             lines += _rail(path, axis, self._mark)
@@ -160,15 +184,21 @@ class Drawing:
         for dyad, (_, j) in zip(structure.added, structure.closures[1:], strict=True):
             first, last = self.joints[j - 1], self.joints[j]
             start, joint, *others = (self._names[structure.points[x]] for x in dyad.pins)
-            self.owners[joint] = last
-            self.ends[first] = start, joint
-            carried_ends = {j - 1: start}  # by the index of the dyad's link
-            if self._links[j].slides:
-                self._blocks[j] = joint
+            if self._links[j].slides and self._links[j].parent == j - 1:
+                mouth, pivot = f'mouth of {first}', joint  # a barrel has no joint
+                self._mouths[j] = mouth
+                self.ends |= {first: (pivot, mouth), last: (mouth, start)}
+                carried_ends = {j - 1: pivot}  # by the index of the dyad's link
             else:
+                self.owners[joint] = last
+                self.ends[first] = start, joint
+                carried_ends = {j - 1: start}
+            if others:
                 (end,) = others
                 self.ends[last] = end, joint
                 carried_ends[j] = end
+            elif j not in self._mouths:
+                self._blocks[j] = joint
             for link, end in carried_ends.items():
                 carrier = self._links[link].parent
                 is_pin_of_carrier = end not in dyad.pins
@@ -176,13 +206,62 @@ class Drawing:
                     carriers[end] = self.joints[carrier]
         return carriers
 
-    def _connect(self, asides: dict[str, str]) -> None:
-        """Determines the corners of the links and the directions that labels must avoid.
+    def _hidden(self, mechanism: Mechanism, positions: Array) -> dict[str, '_Corner']:
+        """Places the corners that are no points of the structure.
 
-        Corners are the pins, the pivots and, around a slider's pin, the four corners of its block
-        and the midpoints of three of the block's sides.
+        They are the mouths of dyads' barrels and, for each slider, named by its index and a
+        number, the four corners of its block, the midpoints of three of the block's sides and,
+        if its guide moves, the ends of the guide.
         """
-        names = [*self.pins, *self.pivot_names]
+        structure, found = mechanism.structure(), dict[str, _Corner]()
+        for j, name in self._mouths.items():
+            nearest, farthest = positions[:, j].min(), positions[:, j].max()
+            inner = nearest if nearest > self._mark else farthest
+            pivot, _ = self.ends[self.joints[j - 1]]
+            found[name] = _Corner(pivot, inner + self._links[j].origin, j - 1)
+        for j, pin in self._blocks.items():
+            spin, guide = axes_of(self._links, j)
+            axis = cmath.rect(1.0, guide or 0.0)
+            block = self._mark * axis * _BLOCK
+            found |= {f'{j} {i}': _Corner(pin, x, spin) for i, x in enumerate(block.tolist())}
+            link = self._links[j]
+            if link.parent is not None:
+                (spin, above), stroke = axes_of(self._links, link.parent), positions[:, j]
+                start = self._names[structure.point_of(link.parent, (0.0, 0.0))]
+                room = _BEYOND * self._mark
+                ends = stroke.min() - room, stroke.max() + room
+                for i, end in enumerate(ends, len(block)):
+                    arm = link.origin + cmath.rect(end, link.angle)
+                    found[f'{j} {i}'] = _Corner(start, arm * cmath.rect(1.0, above or 0.0), spin)
+        spins = {corner.spin for corner in found.values() if corner.spin is not None}
+        self._turned = {j: self._axis_of(j, mechanism) for j in spins}
+        return found
+
+    def _axis_of(self, j: int, mechanism: Mechanism) -> tuple[str, str, complex, float | None]:
+        """Returns what gives the direction of a link: two of its points, and their distance.
+
+        Returns:
+            The names of the points, the vector from the first to the second in the axes of the
+            link, m, and the offset of a dyad's barrel, m, instead of this vector; else None.
+        """
+        structure, name = mechanism.structure(), self.joints[j]
+        rod = next((k for k in self._mouths if k == j + 1), None)
+        if rod is not None:
+            return (
+                self.ends[name][0],
+                self.ends[self.joints[rod]][1],
+                0j,
+                self._links[rod].origin.imag,
+            )
+        start = self._names[structure.point_of(j, (0.0, 0.0))]
+        (end,) = (x for x in self.ends[name] if x != start)
+        one, other = (structure.points[x].weights[j] for x in (start, end))
+        return start, end, other - one or mechanism.parts()[name].length, None
+
+    def _connect(self, asides: dict[str, str], hidden: dict[str, '_Corner']) -> None:
+        """Determines the corners of the links and the directions that labels must avoid."""
+        names = [*self.pins, *self.pivot_names, *hidden]
+        self._shown, self._more = names, [*hidden.values()]
         self._corners: dict[str, list[int]] = {}
         for link, ends in self.ends.items():
             aside = [pin for pin, owner in asides.items() if owner == link]
@@ -190,13 +269,11 @@ class Drawing:
             self._corners[link] = [names.index(name) for name in shape]
         sides = [side for shape in self._corners.values() for side in pairwise(shape)]
         sides += [side[::-1] for side in sides]
-        self._around, distances = np.zeros((0, 2)), np.full((len(self.pins), 1), _LABEL_DISTANCE)
-        for i, (j, pin) in enumerate(self._blocks.items()):
-            axis = self._mark * cmath.rect(1.0, self._links[j].angle)
-            block = axis * np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j, 1, -1, -0.6j])
-            first, number = len(names) + 7 * i, self.pins.index(pin)
-            self._around = np.concatenate([self._around, plane(block)])
-            self._corners[self.joints[j]] = [first, first + 1, first + 2, first + 3, first]
+        distances = np.full((len(self.pins), 1), _LABEL_DISTANCE)
+        for j, pin in self._blocks.items():
+            first, number = names.index(f'{j} 0'), self.pins.index(pin)
+            outline = _OUTLINE if self._links[j].is_guided else _ON_A_ROD
+            self._corners[self.joints[j]] = [first + i for i in outline]
             sides += [(number, corner) for corner in range(first + 4, first + 7)]
             distances[number] = _LABEL_BEYOND_BLOCK
         ways = [[end for start, end in sides if start == pin] for pin in range(len(self.pins))]
@@ -266,9 +343,27 @@ class Drawing:
 
     def _all_corners(self, points: Array) -> Array:
         pivots = np.broadcast_to(self.pivots, (len(points), *self.pivots.shape))
-        blocks = [self.pins.index(pin) for pin in self._blocks.values() for _ in range(7)]
-        around = points[:, blocks] + self._around
-        return np.concatenate([points, pivots, around], axis=1)
+        known = np.concatenate([points, pivots], axis=1) @ (1, 1j)
+        turned: dict[int | None, Any] = {None: 1.0}
+        for corner in self._more:
+            if corner.spin not in turned:
+                axis = self._turned[cast('int', corner.spin)]
+                turned[corner.spin] = self._directions(known, *axis)
+        more = [
+            known[:, self._shown.index(start)] + arm * turned[spin]
+            for start, arm, spin in self._more
+        ]
+        return plane(np.concatenate([known, *(x[:, np.newaxis] for x in more)], axis=1))
+
+    def _directions(
+        self, known: Complex, start: str, end: str, arm: complex, offset: float | None
+    ) -> Complex:
+        """Returns the direction of a link, as e^(i angle), from `_axis_of` and known points."""
+        apart = known[:, self._shown.index(end)] - known[:, self._shown.index(start)]
+        if offset is None:
+            return np.asarray(apart / arm)
+        place = np.sqrt(np.maximum(abs(apart) ** 2 - offset**2, 0.0))
+        return np.asarray(apart / (place + 1j * offset))
 
 
 def free_ends(arrows: Array, pins: Array) -> Array:

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 import numpy.typing as npt
 
+from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.solver import Solver
@@ -89,9 +90,9 @@ class LoadArrows:
 
     def _outwards(self, j: int, positions: Array) -> Complex:
         """Returns the direction of straight arrows from a slider's pin, shape (n,) or ()."""
-        link = self._solver.structure.links[j]
-        angle = link.angle if link.parent is None else positions[:, link.parent]
-        return np.asarray(self._sides[j] * np.exp(1j * np.asarray(angle)))
+        spin, guide = axes_of(self._solver.structure.links, j)
+        angle = 0.0 if spin is None else positions[:, spin]
+        return np.asarray(self._sides[j] * np.exp(1j * np.asarray(angle + (guide or 0.0))))
 
     def _first_pin(self, j: int, positions: Array) -> Complex:
         """Returns the positions of a link's first pin, or of a slider's, shape (n,)."""

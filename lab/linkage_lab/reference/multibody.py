@@ -16,13 +16,30 @@ the compared methods; in multiple precision, they are the reference for states a
 
 import operator
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias, cast
+from typing import Any, NamedTuple, TypeAlias
 
 from linkage_ros import FourBar, InvertedSliderCrank, Mechanism
 from linkage_ros.extensions import LinkPose
 from linkage_ros.formulas import ZERO, Vector, dot
+from linkage_ros.internals import axes_of, spin_of
 
 Row: TypeAlias = list[Any]  # of floats, Decimals or mpfs
+
+
+class _MovingGuide(NamedTuple):
+    """A guide on a moving link.
+
+    Attributes:
+        link: Index of the link that slides.
+        origin: Zero of its position, in the axes of the guide's link, m.
+        axes: Direction of these axes relative to the link with which they turn.
+        spin: Index of that link; None if they do not turn.
+    """
+
+    link: int
+    origin: Vector
+    axes: Vector
+    spin: int | None
 
 
 class Multibody:
@@ -55,11 +72,11 @@ class Multibody:
         self._gravity = Vector(*map(number, mechanism.gravity))
         self._bodies = []
         for i, link in enumerate(links):
-            # The vector from the last pin to the centre is given; the others follow from lengths.
-            spin = i if link.is_guided else cast('int', link.spin(i))
-            weights = (0j,) * i + (1 + 0j,) if link.is_guided else link.center.weights[: spin + 1]
-            *pins, own = weights
-            center = _vectors(pins, length) | _vectors([0j] * spin + [own], number)
+            spin = i if link.is_guided else spin_of(links, i)
+            weights = (0j,) * i + (1 + 0j,) if link.is_guided else link.center.weights
+            center = _vectors(weights, length)
+            if not link.slides:  # the vector from the pin to the centre is given
+                center |= _vectors([0j] * i + [weights[i]], number)
             self._bodies.append((number(link.mass), number(link.inertia), spin, center))
         # Weights and constant of each gap vector: of the loop, then of each added dyad.
         self._closures = []
@@ -72,10 +89,16 @@ class Multibody:
         if isinstance(mechanism, (FourBar, InvertedSliderCrank)):  # the pivot is in doubles
             pivot = unit(mechanism.frame.angle) * -length(mechanism.frame.length)
             self._closures[0] = self._closures[0][0], pivot
-        self._last = structure.closures[0][1]
-        last = links[self._last]
-        # The link on which the loop's last one slides, and the offset of the guide from its pin.
-        self._parent, self._offset = last.parent if last.slides else None, length(last.origin.imag)
+        # Guides on moving links, by the number of the closure.
+        self._moving = {}
+        for i, (_, j) in enumerate(structure.closures):
+            last = links[j]
+            if last.slides and last.parent is not None:
+                origin = Vector(length(last.origin.real), length(last.origin.imag))
+                spin, angle = axes_of(links, last.parent)
+                self._moving[i] = _MovingGuide(j, origin, unit(angle or 0.0), spin)
+        axes = (axes_of(links, j) for j in range(len(links)))
+        self._axes = [(spin, unit(angle or 0.0)) for spin, angle in axes]
         added = len(links) - 2 * len(structure.added)
         self._solved = 1, 2, *range(added, len(links))
         self._links = links
@@ -96,27 +119,35 @@ class Multibody:
                 slid = self._guides[j] * places[j].x if self.slides[j] else places[j]
                 gap = gap + turned(weight, slid)
             gaps.append(gap)
-        if self._parent is not None:
-            gaps[0] -= self._arm(places)
+        for i, guide in self._moving.items():
+            gaps[i] -= self._arm(guide, places)
         return [x for gap in gaps for x in gap]
 
-    def _arm(self, places: Sequence[Vector]) -> Vector:
-        """Returns the vector from the parent's pivot to the pin of a link that slides on it."""
-        slid = Vector(places[self._last].x, self._offset)
-        return turned(slid, places[cast('int', self._parent)])
+    def _arm(self, guide: _MovingGuide, places: Sequence[Vector]) -> Vector:
+        """Returns the vector from the pin of a guide's link to that of the link that slides."""
+        slid = guide.origin + self._guides[guide.link] * places[guide.link].x
+        return self._turned(guide, slid, places)
+
+    def _turned(self, guide: _MovingGuide, arm: Vector, places: Sequence[Vector]) -> Vector:
+        """Turns a vector from the axes of a guide's link to those of base_link."""
+        arm = turned(guide.axes, arm)
+        return arm if guide.spin is None else turned(arm, places[guide.spin])
 
     def closure(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
         """Returns the jacobian G of the gaps, as rows x and y of each, and G' q'."""
         empty = Vector(self._zero, self._zero)
         rows: list[Row] = []
         biases: Row = []
-        for weights, _ in self._closures:
+        for i, (weights, _) in enumerate(self._closures):
             columns, bias = self._columns(weights, places, rates)
-            if not rows and (j := self._parent) is not None:
-                arm, last = self._arm(places), self._last
-                columns |= {j: -arm.left(), last: -places[j]}
-                twice = 2 * rates[last] * rates[j]
-                bias = bias + arm * (rates[j] * rates[j]) - places[j].left() * twice
+            if guide := self._moving.get(i):
+                arm, last, j = self._arm(guide, places), guide.link, guide.spin
+                way = self._turned(guide, self._guides[last], places)
+                columns[last] = -way
+                if j is not None:
+                    columns[j] = columns.get(j, empty) - arm.left()
+                    twice = 2 * rates[last] * rates[j]
+                    bias = bias + arm * (rates[j] * rates[j]) - way.left() * twice
             xy = zip(*(columns.get(j, empty) for j in range(len(rates))), strict=True)
             rows += map(list, xy)
             biases += bias
@@ -157,7 +188,8 @@ class Multibody:
         right = [self._zero] * count
         for mass, inertia, spin, weights in self._bodies:
             columns, bias = self._columns(weights, places, rates)
-            rows[spin][spin] += inertia
+            if spin is not None:
+                rows[spin][spin] += inertia
             for j, one in columns.items():
                 right[j] += mass * dot(one, self._gravity - bias)
                 for k, other in columns.items():
@@ -177,10 +209,8 @@ class Multibody:
 
     def _axis(self, j: int, places: Sequence[Vector]) -> Vector:
         """Returns the direction of a link, or of its guide."""
-        if not self.slides[j]:
-            return places[j]
-        parent = self._links[j].parent
-        return self._guides[j] if parent is None else places[parent]
+        spin, way = self._axes[j]
+        return way if spin is None else turned(way, places[spin])
 
     def _columns(
         self, weights: Mapping[int, Vector], places: Sequence[Vector], rates: Row

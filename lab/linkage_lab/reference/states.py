@@ -180,17 +180,26 @@ class Reference:
 
         found: list[_Number] = []
         for dyad in mechanism.dyads:
-            start, b = end(dyad.from_, dyad.from_at), self._length(dyad.first.length)
-            name, side = dyad.name, 1 if dyad.assembly == OPEN else -1
+            start, name = end(dyad.from_, dyad.from_at), dyad.name
+            if dyad.barrel:
+                to, e = end(dyad.to, dyad.to_at or (0.0, 0.0)), self._length(dyad.offset)
+                place = self._root(abs(start - to) ** 2 - e**2, crank)
+                barrel = (start - to) / mp.mpc(place, e)
+                found += [barrel, mp.mpc(place)]
+                bodies |= {f'{name}_barrel': (to, barrel), f'{name}_rod': (start, barrel)}
+                continue
+            b, side = self._length(dyad.first.length), 1 if dyad.assembly == OPEN else -1
             if dyad.slider:  # its path meets the circle about the first end
-                at, guide = end('frame', dyad.slider.at), mp.expj(mp.mpf(dyad.slider.angle))
+                _, carrier = bodies[dyad.slider.on]
+                at = end(dyad.slider.on, dyad.slider.at)
+                guide = carrier * mp.expj(mp.mpf(dyad.slider.angle))
                 x, y = _vector((start - at) / guide)
                 place = mp.mpc(x + side * self._root(b**2 - y**2, crank))
                 joint = at + place * guide
                 found += [(joint - start) / b, place]
                 bodies[f'{name}_slider'] = joint, guide
             else:  # the circles about both ends meet
-                to, c = end(dyad.to, dyad.to_at), self._length(dyad.second.length)
+                to, c = end(dyad.to, dyad.to_at or (0.0, 0.0)), self._length(dyad.second.length)
                 square = abs(to - start) ** 2
                 along = (square + b**2 - c**2) / 2
                 across = side * self._root(b**2 * square - along**2, crank)

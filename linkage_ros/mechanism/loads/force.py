@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from linkage_ros.formulas import ZERO, Vector, dot, turned
+from linkage_ros.mechanism.axes import spin_of
 from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.loads.base import AppliedLoad, LoadedMechanism
 from linkage_ros.mechanism.structure import Point
@@ -62,7 +63,7 @@ class Force(AppliedLoad):
         structure = mechanism.structure()
         link = structure.link_index(self.link, f'{self.label}.link')
         point, turns = structure.point_of(link, self.at), self.axes == LINK
-        is_fixed = not turns or structure.links[link].is_guided
+        is_fixed = not turns or spin_of(structure.links, link) is None
         return PointForce(link, point, complex(*self.force), turns, is_fixed)
 
 

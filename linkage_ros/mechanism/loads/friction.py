@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, where
+from linkage_ros.mechanism.axes import spin_of
 from linkage_ros.mechanism.loads.base import AppliedLoad, Contact, LoadedMechanism
 from linkage_ros.mechanism.structure import Link, Pin
 from linkage_ros.numeric import Real
@@ -96,9 +97,8 @@ class DryFriction(NamedTuple):
         """Yields each joint with friction: its name, link, other link if it moves, and rate."""
         for pin in pins if self.arm is not ZERO else ():
             moving = [j for j in (pin.second, pin.first) if j is not None]
-            # A guided link does not turn.
-            first, *others = sorted(moving, key=lambda j: links[j].is_guided)
-            spins = [links[j].spin(j) for j in (first, *others)]
+            first, *others = sorted(moving, key=lambda j: spin_of(links, j) is None)
+            spins = [spin_of(links, j) for j in (first, *others)]
             rate, *other = (ZERO if j is None else rates[j] for j in spins)
             yield pin.name, first, others, rate - (other[0] if other else ZERO)
         for j, link in enumerate(links):

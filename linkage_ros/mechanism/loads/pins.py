@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO
+from linkage_ros.mechanism.axes import spin_of
 from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.loads.base import AppliedLoad, LoadedMechanism
 from linkage_ros.mechanism.structure import Structure
@@ -84,7 +85,7 @@ def _turning(structure: Structure, j: int | None) -> tuple[int, int]:
     """Returns a body and the link with which it turns; see `PinDamping.pairs`."""
     if j is None:
         return FRAME, FRAME
-    spin = structure.links[j].spin(j)
+    spin = spin_of(structure.links, j)
     return j, FRAME if spin is None else spin
 
 
