@@ -44,7 +44,7 @@ def turned(mechanism, angle):
             f'{end}_at': _rotated(getattr(one, f'{end}_at'), angle)
             for end in ('from', 'to') if getattr(one, {'from': 'from_'}.get(end, end)) == 'frame'
         }  # fmt: skip
-        if one.slider:
+        if one.slider and one.slider.on == 'frame':
             changed['slider'] = replace(
                 one.slider, at=_rotated(one.slider.at, angle), angle=one.slider.angle + angle
             )
@@ -120,9 +120,9 @@ def _mirror_curve(curve):
 
 def _mirror_dyad(dyad):
     parts = {
-        name: _flipped(part) for name in ('first', 'second', 'slider')
+        name: _flipped(part) for name in ('first', 'second', 'slider', 'barrel', 'rod')
         if (part := getattr(dyad, name))
     }  # fmt: skip
-    if not dyad.slider:
+    if dyad.second:
         parts['assembly'] = _SWAPPED[dyad.assembly]
     return replace(_flipped(dyad), **parts)
