@@ -250,6 +250,7 @@ def telescopic(base, from_, to, name='ram', at=(2.6, 3.4)):
     return replace(base, dyads=(*base.dyads, dyad))
 
 
+TIP = 2.1, 2.7
 _CRANK_ROCKER = four_bar(FULL['crank_rocker'])
 _CENTRIC = slider_crank(FULL['centric'])
 # With dyads whose guides move: on each kind of link, and in barrels between links.
@@ -258,24 +259,29 @@ MOVING_GUIDES = {
     'guide_on_coupler': sliding(_CRANK_ROCKER, 'coupler', assembly='crossed'),
     'guide_on_rocker': sliding(_CRANK_ROCKER, 'rocker'),
     'guide_on_slider': sliding(_CENTRIC, 'slider', at=(3.2, 2.4)),
+    'guide_on_driven_slider': sliding(
+        DRIVEN_SLIDERS['offset_right_slider_driven'], 'slider', length=9.0
+    ),
     'guide_on_barrel': sliding(CYLINDERS['swinging_barrel'], 'barrel'),
     'guide_on_rod_of_driven_cylinder': sliding(
         replace(CYLINDERS['swinging_barrel'], input='cylinder'), 'rod'
     ),
     'guide_on_rod_of_pump': sliding(PUMPS['pump'], 'rod'),
-    'guide_on_link_of_dyad': sliding(sliding(_CENTRIC, 'coupler'), 'shoe_first', 'tip', 9.0),
-    'guide_on_moving_slider': sliding(sliding(_CENTRIC, 'coupler'), 'shoe_slider', 'tip', 9.0),
+    'guide_on_link_of_dyad': sliding(sliding(_CENTRIC, 'coupler'), 'shoe_first', 'tip', 9.0, TIP),
+    'guide_on_moving_slider': sliding(
+        sliding(_CENTRIC, 'coupler'), 'shoe_slider', 'tip', 9.0, TIP
+    ),
     'guide_on_slider_on_slider': sliding(
-        sliding(_CENTRIC, 'slider', at=(3.2, 2.4)), 'shoe_slider', 'tip', 9.0
+        sliding(_CENTRIC, 'slider', at=(3.2, 2.4)), 'shoe_slider', 'tip', 9.0, TIP
     ),
     'barrel_on_frame': telescopic(_CRANK_ROCKER, 'coupler', 'frame'),
     'barrel_on_coupler': telescopic(_CRANK_ROCKER, 'crank', 'coupler'),
     'barrel_between_slider_and_coupler': telescopic(_CENTRIC, 'slider', 'coupler'),
     'guide_on_barrel_of_dyad': sliding(
-        telescopic(_CRANK_ROCKER, 'coupler', 'frame'), 'ram_barrel', 'tip', 9.0
+        telescopic(_CRANK_ROCKER, 'coupler', 'frame'), 'ram_barrel', 'tip', 9.0, TIP
     ),
     'guide_on_rod_of_dyad': sliding(
-        telescopic(_CRANK_ROCKER, 'frame', 'rocker'), 'ram_rod', 'tip', 9.0
+        telescopic(_CRANK_ROCKER, 'frame', 'rocker'), 'ram_rod', 'tip', 9.0, TIP
     ),
     'barrel_on_moving_slider': telescopic(sliding(_CENTRIC, 'crank'), 'shoe_slider', 'frame'),
 }

@@ -21,7 +21,7 @@ from mcap_ros2.decoder import DecoderFactory
 from mechanisms import FULL, PUMPS, cylinder, four_bar, slider_crank
 
 from linkage_lab.mjcf import make_mjcf
-from linkage_ros import Body
+from linkage_ros import Barrel, Body, Rod
 from linkage_ros.log.tables import write_csv
 from linkage_ros.mechanism.dyads import Dyad, DyadSlider
 from linkage_ros.mechanism.loads.pins import Pins
@@ -44,9 +44,11 @@ BASES = {
 
 
 def with_dyads(base, carrier):
-    """Adds dyads a and b, which carry others, and dyads c and d on a carrier and e towards it."""
+    """Adds dyads a, b, i and j, which carry others, and dyads on a carrier and towards it."""
     body, at, end = Body(3.5, 1.0, 0.1), (0.2, -0.3), (3.5, -2.5)
     slider = DyadSlider(1.0, (1.0, 2.5), 0.7)
+    on_carrier = DyadSlider(1.0, (0.4, -0.2), 0.5, carrier, 0.1, (0.1, -0.2))
+    cylinder = {'barrel': Barrel(1.0, 0.1), 'rod': Rod(1.0, 0.1), 'offset': 0.3}
     dyads = [
         Dyad(
             name='a',
@@ -67,13 +69,26 @@ def with_dyads(base, carrier):
             slider=replace(slider, angle=1.2),
         ),
         Dyad(name='e', from_='frame', from_at=end, first=body, second=body, to=carrier, to_at=at),
+        Dyad(name='f', from_='frame', from_at=end, first=Body(9.0, 1.0, 0.1), slider=on_carrier),
+        Dyad(name='g', from_=carrier, from_at=at, to='frame', to_at=end, **cylinder),
+        Dyad(name='h', from_='frame', from_at=end, to=carrier, to_at=at, **cylinder),
+        Dyad(
+            name='i',
+            from_='frame',
+            from_at=(0.1, -0.5),
+            first=replace(body, length=3.0),
+            slider=replace(on_carrier, on='crank', angle=1.0),
+            assembly='crossed',
+        ),
+        Dyad(name='j', from_='crank', from_at=at, to='frame', to_at=(1.5, -2.0), **cylinder),
     ]
     return replace(base, dyads=tuple(dyads))
 
 
 def carriers(base):
     own = (link.name for link in base.structure().links)
-    return [*own, 'a_first', 'a_second', 'b_first', 'b_slider']
+    added = 'a_first', 'a_second', 'b_first', 'b_slider', 'i_slider', 'j_barrel', 'j_rod'
+    return [*own, *added]
 
 
 def numbers(element, key):
@@ -131,14 +146,19 @@ def frames(urdf, joints, values, rates, changes):
 
 
 def ends(mechanism):
-    """Returns the links that meet in each loop, each with its length; 0 for a sliding link."""
+    """Returns the links that meet in each loop, each with a point on it."""
     names = [link.name for link in type(mechanism).structure(replace(mechanism, dyads=())).links]
     first, last = ('crank', 'rod') if 'barrel' in names else names[-2:]
-    added = [(x.name, 'second' if x.second else 'slider') for x in mechanism.dyads]
-    pairs = [(first, last), *((f'{name}_first', f'{name}_{end}') for name, end in added)]
+    pairs = [(first, last), *(tuple(x.parts) for x in mechanism.dyads if not x.barrel)]
     slides = {link.name for link in mechanism.structure().links if link.slides}
     parts = mechanism.parts()
-    return [[(x, 0.0 if x in slides else parts[x].length) for x in pair] for pair in pairs]
+    found = [[(x, 0.0 if x in slides else parts[x].length) for x in pair] for pair in pairs]
+    rods = (x for x in mechanism.dyads if x.barrel)
+    return found + [[(x.from_, complex(*x.from_at)), (f'{x.name}_rod', 0.0)] for x in rods]
+
+
+def name_in_urdf(link):
+    return 'base_link' if link == 'frame' else link_of(link)
 
 
 def recorded(configuration, path):
@@ -182,6 +202,8 @@ def test_recorded_joints_close_every_loop(name, tmp_path):
             'c_first': (0.4, -2.0, carrier), 'd_first': (-0.3, 0.5, 'crank'),
             'c_second': (1.1, 3.0, carrier), 'd_slider': (0.2, -1.5, None),
             'e_first': (0.1, 1.0, carrier), 'e_second': (-0.2, 0.5, 'frame'),
+            'f_first': (0.3, -1.0, carrier), 'g_barrel': (0.5, 2.0, carrier),
+            'f_slider': (0.2, -1.5, carrier), 'h_rod': (0.1, 0.5, None),
         }  # fmt: skip
         for joints in ({}, mapped):
             configuration = configured(mechanism, joints)
@@ -203,7 +225,7 @@ def test_recorded_joints_close_every_loop(name, tmp_path):
                 fastest, most = (max(map(abs, row.values())) for row in (rates, changes))
                 scales = 1.0, fastest, fastest**2 + most
                 for pair in ends(mechanism):
-                    one, other = (placed[link_of(x)].point(length) for x, length in pair)
+                    one, other = (placed[name_in_urdf(x)].point(at) for x, at in pair)
                     for scale, x, y in zip(scales, one, other, strict=True):
                         assert abs(x - y) <= 1e-12 * LARGEST * scale, (carrier, pair)
                 if model is not None:
