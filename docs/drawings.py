@@ -74,11 +74,11 @@ class Picture(Sheet):
             for ground in drawing.ground:
                 self.line([complex(*p) for p in ground], GREY, 2)
         for link, (line,) in lines.items():
-            # In the other assembly, only the dyad is drawn, without the coupler point.
+            # In the other assembly, only the dyad is drawn, without traced points.
             shown = line[:2] if attributes and link in ('coupler', 'rocker', 'rod') else line
             self.line([complex(*p) for p in shown], COLORS[link], 6, attributes)
         for name, place in self.at.items():
-            if name != 'C' or not attributes:
+            if name not in structure.traced or not attributes:
                 self.dot(place, 5, BLACK)
 
     def angle(self, pin: str, span: tuple[float, float], radius: float, color: Color, words: str,
@@ -115,12 +115,13 @@ class Picture(Sheet):
 
 
 def four_bar() -> Picture:
-    """Draws a four-bar with lengths, angles, coupler point and a centre of mass."""
+    """Draws a four-bar with lengths, angles, a traced point and a centre of mass."""
     mechanism = lr.FourBar(
         lr.Frame(1.4, math.radians(9)),
         lr.Body(0.42),
-        lr.Coupler(1.05, point=(0.45, 0.28)),
+        lr.Coupler(1.05),
         lr.Body(0.85, center=(0.5, -0.16)),
+        points=(lr.TracedPoint('C', 'coupler', (0.45, 0.28)),),
     )
     names = {'A0': -28 + 0j, 'A': -22 + 8j, 'B0': 46 - 14j}
     sheet = Picture(mechanism, math.radians(65), (960, 700, 400, 120 + 470j), names)
@@ -149,7 +150,7 @@ def four_bar() -> Picture:
     sheet.gravity(1.95 + 0.25j)
     sheet.arc(0j, 85, (math.radians(200), math.radians(305)), crank)
     sheet.texts(
-        (at['C'], 'C: coupler.point = [along, across]', coupler, -40 + 44j, 'middle'),
+        (at['C'], 'points.C.at = [along, across]', coupler, -40 + 44j, 'middle'),
         (0j, 'driving torque', crank, -20 - 105j, 'middle'),
         (0.75 + 0j, 'x of base_link', DARK, 8 - 8j, 'start'),
         (center, 'rocker.center,', rocker, 16 + 4j, 'start'),

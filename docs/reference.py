@@ -28,6 +28,7 @@ from linkage_lab.charts.stability import GRIDS
 from linkage_lab.robots import import_tool
 from linkage_ros import executables
 from linkage_ros.mechanism.loads import LOADS
+from linkage_ros.mechanism.points import TracedPoint
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.topics import (
     CRANK_TRAJECTORY,
@@ -224,6 +225,7 @@ def tables() -> dict[str, str]:
         'presets': _presets(),
         'kind': _parameters(MechanismAndDrive),
         'mechanisms': _sections('mechanism', MECHANISMS),
+        'points': _parameters(TracedPoint, 'points.<name>.'),
         'loads': _sections('kind', LOADS),
         'drives': _sections('drive', DRIVES),
         'session': _parameters(Session),

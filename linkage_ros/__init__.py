@@ -47,6 +47,7 @@ from linkage_ros.mechanism.parts import (
     Rod,
     Slider,
 )
+from linkage_ros.mechanism.points import TracedPoint
 from linkage_ros.mechanism.slider_crank import SliderCrank
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.travel import Travel, travel
@@ -76,7 +77,7 @@ def load(source: str) -> 'Configuration':
 
 
 def read_log(path: str) -> 'dict[str, dict[str, Array]]':
-    """Reads the joint states of a log, or of a bag of another program.
+    """Reads the joint states and points of a log, or of a bag of another program.
 
     Args:
         path: An MCAP file, or the folder of a rosbag2 recording.
@@ -86,7 +87,8 @@ def read_log(path: str) -> 'dict[str, dict[str, Array]]':
         joint `<joint>.position`, `.velocity` and `.effort` in the units of the messages, which in
         logs of this package are rad or m, rad/s or m/s, and N m or N; for `mechanism_state` also
         `.acceleration`. As in the messages, angles are relative to the parent link; a coupler is
-        measured from the crank. Values that a message lacks are NaN.
+        measured from the crank. For each topic of points, such as `/points/foot`: `t`, and the
+        coordinates `x`, `y` and `z`, m. Values that a message lacks are NaN.
 
     Raises:
         LogError: The file cannot be read, or is incomplete or damaged.
@@ -132,6 +134,7 @@ __all__ = [
     'Solver',
     'Spring',
     'State',
+    'TracedPoint',
     'Travel',
     'UnreachableError',
     'ViewerError',

@@ -11,9 +11,10 @@ from linkage_ros.mechanism.kinematics import LinkPose, Pose
 from linkage_ros.mechanism.loads import LOADS, loads_field
 from linkage_ros.mechanism.loads.base import AppliedLoad, Load, LoadedMechanism
 from linkage_ros.mechanism.parts import gravity_quantity
+from linkage_ros.mechanism.points import points_field
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.registry import MECHANISMS
-from linkage_ros.mechanism.structure import Link, Point, Structure, coupler_point
+from linkage_ros.mechanism.structure import Link, Point, Structure
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import two_sum
 
@@ -31,9 +32,9 @@ __all__ = [
     'Program',
     'Structure',
     'Wrench',
-    'coupler_point',
     'dyads_field',
     'gravity_quantity',
     'loads_field',
+    'points_field',
     'two_sum',
 ]

@@ -22,6 +22,7 @@ from linkage_ros.errors import ConfigurationError, Mistakes, shortened
 
 _T = TypeVar('_T')
 _LONGEST = 80  # largest length of a value in an error message, characters
+NAME = '[A-Za-z_][A-Za-z0-9_]*'  # regular expression of the names in `groups`
 _ANY = '(?s).*'  # pattern that matches any string
 
 
@@ -131,6 +132,24 @@ def _comma_hint(value: object) -> str:
 def shown(value: object) -> str:
     """Formats a value for an error message, with at most 80 characters."""
     return shortened(' '.join(repr(value).split()), _LONGEST)
+
+
+def require_name(what: str, name: str) -> None:
+    """Rejects a name that parameters cannot hold.
+
+    Args:
+        what: What has the name, for the error message.
+        name: Name of an object in `groups`.
+
+    Raises:
+        ConfigurationError: The name has other characters than letters, digits and underscores,
+            or begins with a digit.
+    """
+    if not isinstance(name, str) or not re.fullmatch(NAME, name):
+        raise ConfigurationError(
+            f'{what} {shown(name)}: its name must be letters, digits and underscores, and not '
+            'begin with a digit'
+        )
 
 
 def counted(number: int, noun: str) -> str:

@@ -34,7 +34,7 @@ SCALARS = (
 NAMES = (
     'mechanism', 'drive', 'assembly', 'rpm', 'start_rpm', 'crank_acceleration', 'crank_angle',
     'rate_hz', 'gravity', 'frame.length', 'frame.angle', 'crank.length', 'crank.mass',
-    'crank.inertia', 'crank.center', 'coupler.length', 'coupler.point', 'rocker.length',
+    'crank.inertia', 'crank.center', 'coupler.length', 'points.x.at', 'rocker.length',
     'rocker.mass', 'rod.length', 'slider.mass', 'slider.offset', 'loads.a.kind',
     'slider.position', 'slider.velocity', 'motor.torque', 'motor.damping', 'torque_limit',
     'command_timeout', 'lead_time', 'effort_command_topic', 'log', 'viewer', 'log_overwrite',

@@ -23,7 +23,7 @@ MOST = 1 << 24  # bytes of a generated file
 
 STUDY = b"""base: quadrilateral
 designs: 4
-ranges: {coupler.length: [0.30, 0.34], coupler.point.0: [0.1, 0.2], rpm: [10.0, 20.0]}
+ranges: {coupler.length: [0.30, 0.34], points.coupler_point.at.0: [0.1, 0.2], rpm: [10.0, 20.0]}
 measures: [peak_torque, swing]
 goals: {peak_torque: least, swing: most}
 """

@@ -31,6 +31,7 @@ from linkage_ros import (
     Rod,
     Slider,
     SliderCrank,
+    TracedPoint,
     WindPump,
 )
 from linkage_ros.formulas import ZERO
@@ -47,51 +48,62 @@ TURN = 2 * math.pi
 ASSEMBLIES = 'open', 'crossed'
 
 
-def four_bar(lengths, angle=0.3, assembly='open', unit=1.0, gravity=(1.3, -9.7), point=(0.4, 0.7)):
+def traced(mechanism, unit=1.0):
+    """Adds a traced point to each link; `unit` scales lengths."""
+    at = 0.4 * unit, 0.7 * unit
+    links = mechanism.structure().links
+    points = [TracedPoint(f'{link.name}_point', link.name, at) for link in links]
+    return replace(mechanism, points=points)
+
+
+def four_bar(lengths, angle=0.3, assembly='open', unit=1.0, gravity=(1.3, -9.7)):
     """Makes a four-bar from the lengths of its links; `unit` scales lengths and dynamics."""
     r, b, c, d = (float(x) * unit for x in lengths)
-    return FourBar(
+    linkage = FourBar(
         Frame(d, angle),
         Body(r, 0.7, 0.02 * unit**2, (0.3 * r, -0.2 * r)),
-        Coupler(b, 2.0, 0.5 * unit**2, (0.6 * b, 0.3 * b), tuple(x * unit for x in point)),
+        Coupler(b, 2.0, 0.5 * unit**2, (0.6 * b, 0.3 * b)),
         Body(c, 3.0, 0.3 * unit**2, (0.4 * c, -0.25 * c)),
         assembly,
         tuple(x * min(unit, 1e4) for x in gravity),
     )
+    return traced(linkage, unit)
 
 
-def slider_crank(lengths, angle=0.3, assembly='open', unit=1.0, point=(0.4, 0.7)):
+def slider_crank(lengths, angle=0.3, assembly='open', unit=1.0):
     """Makes a slider-crank from crank, coupler and offset."""
     r, b, e = (float(x) * unit for x in lengths)
-    return SliderCrank(
+    linkage = SliderCrank(
         Body(r, 0.7, 0.02 * unit**2, (0.3 * r, -0.2 * r)),
-        Coupler(b, 2.0, 0.5 * unit**2, (0.6 * b, 0.3 * b), tuple(x * unit for x in point)),
+        Coupler(b, 2.0, 0.5 * unit**2, (0.6 * b, 0.3 * b)),
         Slider(offset=e, mass=1.5),
         Guide(angle),
         assembly,
         tuple(x * min(unit, 1e4) for x in (1.3, -9.7)),
         (LinkLoad('slider', 6.0 * unit, 0.9),),
     )
+    return traced(linkage, unit)
 
 
 def wind_pump(lengths, assembly='crossed', unit=1.0):
     """Makes a wind pump from crank, coupler and rod."""
     r, b, c = (float(x) * unit for x in lengths)
-    return WindPump(
+    pump = WindPump(
         Body(r, 0.7, 0.02 * unit**2, (0.3 * r, -0.2 * r)),
-        Coupler(b, 2.0, 0.5 * unit**2, (0.6 * b, 0.3 * b), (0.4 * unit, 0.7 * unit)),
+        Coupler(b, 2.0, 0.5 * unit**2, (0.6 * b, 0.3 * b)),
         Body(c, 3.0, 0.3 * unit**2, (0.4 * c, -0.25 * c)),
         Piston(position=c, mass=1.5),
         assembly,
         tuple(x * min(unit, 1e4) for x in (1.3, -9.7)),
         (LinkLoad('slider', damping=0.9),),
     )
+    return traced(pump, unit)
 
 
 def cylinder(lengths, angle=0.3, unit=1.0, **more):
     """Makes an inverted slider-crank from crank, frame and offset."""
     r, d, e = (float(x) * unit for x in lengths)
-    return InvertedSliderCrank(
+    linkage = InvertedSliderCrank(
         Frame(d, angle),
         Body(r, 0.7, 0.02 * unit**2, (0.3 * r, -0.2 * r)),
         Barrel(2.0, 0.5 * unit**2, (0.3 * d, 0.1 * d)),
@@ -100,6 +112,7 @@ def cylinder(lengths, angle=0.3, unit=1.0, **more):
         tuple(x * min(unit, 1e4) for x in (1.3, -9.7)),
         **{'loads': (LinkLoad('rod', 6.0 * unit, 0.9),)} | more,
     )
+    return traced(linkage, unit)
 
 
 # Four-bars: crank, coupler, rocker, frame. The first pass two change points per turn (p0 = 0 and
@@ -196,9 +209,7 @@ DRIVEN_SLIDERS = {
     )
 }
 # Some terms of the equations are absent.
-PENDULUM = replace(
-    four_bar(FULL['crank_rocker'], 1.1), coupler=Coupler(3.0, point=(0.4, 0.7)), rocker=Body(2.5)
-)
+PENDULUM = replace(four_bar(FULL['crank_rocker'], 1.1), coupler=Coupler(3.0), rocker=Body(2.5))
 LIGHT_ROD = replace(
     slider_crank(FULL['offset_right'], 2.4),
     coupler=Coupler(2.2),

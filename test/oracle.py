@@ -474,8 +474,8 @@ class Oracle:
                 short, long = (d - r) ** 2 - e**2, (d + r) ** 2 - e**2
                 mouth = mp.mpc(mp.sqrt(short if short > 0 else long), e)
                 found['E'] = bodies['barrel'].point(mouth)
-            elif self.mechanism.coupler.point is not None:
-                found['C'] = bodies['coupler'].point(complex_of(self.mechanism.coupler.point))
+            for point in self.mechanism.points:
+                found[point.name] = bodies[point.link].point(complex_of(point.at))
             return found
 
     # Dynamics.

@@ -27,7 +27,7 @@ from rosgraph_msgs.msg import Clock
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.messages.cdr import stamp_of
-from linkage_ros.messages.topics import JOINT_COMMANDS, SIMULATED_CLOCK, TOPICS
+from linkage_ros.messages.topics import JOINT_COMMANDS, SIMULATED_CLOCK, TOPICS, point_topic
 from linkage_ros.node.endpoints import message_class
 from linkage_ros.units import NS_PER_S
 
@@ -40,8 +40,8 @@ _WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 3
 _OWN = 26
 _domains = (10 + _OWN * _WORKER + n % _OWN for n in itertools.count(os.getpid()))
 _TYPES = {
-    topic.name.lstrip('/'): topic.interface.name
-    for topic in (*TOPICS, JOINT_COMMANDS, SIMULATED_CLOCK)
+    topic.name.rpartition('/')[2]: topic.interface.name
+    for topic in (*TOPICS, point_topic('coupler_point'), JOINT_COMMANDS, SIMULATED_CLOCK)
 }
 # The package may be in the source tree next to the tests, or installed.
 PACKAGE_PATH = os.pathsep.join(

@@ -23,7 +23,7 @@ TYPES = {
     '/joint_states': JOINT_STATE.name,
     '/driving_torque': FLOAT64.name,
     '/mechanism_state': JOINT_TRAJECTORY.name,
-    '/coupler_point': POINT_STAMPED.name,
+    '/points/coupler_point': POINT_STAMPED.name,
     '/robot_description': STRING.name,
 }
 
@@ -69,7 +69,7 @@ def solved_messages(configuration, motion, stamps):
         Pairs of stamp and message in order, by topic; the robot description has the first stamp.
     """
     solver = Solver(configuration.mechanism)
-    links, points = solver.structure.links, solver.structure.points
+    links = solver.structure.links
     messages = {topic: [] for topic in TYPES}
     description = {'data': make_urdf(configuration.mechanism)}
     messages['/robot_description'].append((stamps[0], description))
@@ -92,9 +92,9 @@ def solved_messages(configuration, motion, stamps):
             '/driving_torque': {'data': state.torque},
             '/mechanism_state': {'header': header, 'joint_names': names, 'points': [point]},
         }
-        if 'C' in points:
-            x, y = solver.point(state, 'C').position
-            found['/coupler_point'] = {'header': header, 'point': {'x': x, 'y': y, 'z': 0.0}}
+        for name in solver.structure.traced:
+            x, y = solver.point(state, name).position
+            found[f'/points/{name}'] = {'header': header, 'point': {'x': x, 'y': y, 'z': 0.0}}
         for topic, message in found.items():
             messages[topic].append((stamp, plain(message)))
     return {topic: rows for topic, rows in messages.items() if rows}

@@ -177,7 +177,7 @@ MESSAGES = [
        {'layout': EMPTY, 'data': [value]}) for value in FLOATS),
     *((encode_string(text), STRING, {'data': text})
       for text in ('', 'a', 'ab', 'abc', 'abcd', 'ä€🙂', 'x' * 70_000)),
-    *((Template(point('base_link')).pack(*divmod(stamp, 10**9), 0.1, -5e-324), POINT_STAMPED,
+    *((Template(point('x', 'base_link')).pack(*divmod(stamp, 10**9), 0.1, -5e-324), POINT_STAMPED,
        {'header': header(stamp), 'point': {'x': 0.1, 'y': -5e-324, 'z': 0.0}})
       for stamp in STAMPS),
     *((encode_diagnostics(STAMPS[4], 'four_bar', STATUSES[:count]), DIAGNOSTIC_ARRAY,

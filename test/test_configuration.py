@@ -65,7 +65,8 @@ QUADRILATERAL = {
     'coupler.mass': 2.0,
     'coupler.inertia': 0.016,
     'coupler.center': (0.1575, 0.0),
-    'coupler.point': (0.1575, 0.05),
+    'points.coupler_point.link': 'coupler',
+    'points.coupler_point.at': (0.1575, 0.05),
     'rocker.length': 0.5,
     'rocker.mass': 3.5,
     'rocker.inertia': 0.066,
@@ -126,7 +127,7 @@ def test_with_a_mechanism_nothing_comes_from_the_preset():
     configuration = configure({**REQUIRED, **of_every_node})
     assert configuration == configure(REQUIRED)
     assert configuration.drive.start_rpm is None
-    assert configuration.mechanism.coupler.point is None
+    assert configuration.mechanism.points == ()
 
 
 @pytest.mark.parametrize('path', sorted(CONFIG.glob('*.yaml')), ids=lambda path: path.stem)
@@ -218,7 +219,12 @@ def test_negative_zero_becomes_zero():
 
 CONFIGURATIONS = [
     {},
-    {'rpm': 0.1, 'crank_angle': -1 / 3, 'gravity': (1e-300, -1e6), 'coupler.point': (0.1, 2e5)},
+    {
+        'rpm': 0.1,
+        'crank_angle': -1 / 3,
+        'gravity': (1e-300, -1e6),
+        'points.coupler_point.at': (0.1, 2e5),
+    },
     {'log': 'é \n"', 'viewer': 'rerun+http://[::1]:9876/proxy', 'log_overwrite': True},
     {'joint_prefix': 'a_', 'frame_id': 'tool0', 'start_rpm': -2.5, 'assembly': 'crossed'},
     {'drive': 'torque', 'motor.damping': 1e-9, 'command_timeout': 0.1},

@@ -41,7 +41,8 @@ OWN = """
     mechanism: slider_crank
     rpm: 30.0
     crank: {length: 0.05, mass: 1.0}
-    coupler: {length: 0.2, mass: 0.5, point: [0.1, 0.0]}
+    coupler: {length: 0.2, mass: 0.5}
+    points: {tip: {link: coupler, at: [0.1, 0.0]}}
     joint_prefix: file_
 /**:
   ros__parameters: {rpm: 31.0}

@@ -239,7 +239,7 @@ def test_random_mechanisms_with_random_loads_give_the_forces_of_newton_and_euler
 
 
 def curve(points, value, over='crank_angle', **more):
-    bare = slider_crank(FULL['offset_right'], 0.3, point=(0.1, 0.2))
+    bare = slider_crank(FULL['offset_right'], 0.3)
     return with_loads(bare, LoadCurve('slider', over, points, value, **more))
 
 

@@ -44,7 +44,7 @@ from linkage_ros.settings.presets import preset_path
 from linkage_ros.units import NS_PER_S
 
 STATES = '/joint_states'
-OUTPUTS = (STATES, '/driving_torque', '/mechanism_state', '/coupler_point')
+OUTPUTS = (STATES, '/driving_torque', '/mechanism_state', '/points/coupler_point')
 
 
 def times_of(reports):
@@ -134,7 +134,13 @@ def test_rpm_is_set_live_in_a_namespace_and_a_signal_ends_with_a_complete_log(tm
     log, messages = logged(path)
     assert len(messages[states]) >= len(listener.received[states])
     assert [segment.rpm for segment in log.motions] == [150.0, -60.0, 0.5]
-    moved = 'joint_states', 'torque', 'mechanism_state', 'coupler_point', 'robot_description'
+    moved = (
+        'joint_states',
+        'torque',
+        'mechanism_state',
+        'points/coupler_point',
+        'robot_description',
+    )
     assert set(messages) == {'/diagnostics', *(f'/left/{name}' for name in moved)}
     verified(path)
 

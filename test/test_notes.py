@@ -45,7 +45,7 @@ def law(times, angles, **more):
         ({'slider.mass': 400.0}, 'slider.mass'),
         ({'crank.mass': 300.0}, 'crank.mass'),
         ({'coupler.center': [60.0, 0.0]}, 'coupler.center'),
-        ({'coupler.point': [-10.0, 60.0]}, 'coupler.point'),
+        ({'points.x.link': 'coupler', 'points.x.at': [-10.0, 60.0]}, 'points.x.at'),
         ({**FORCE, 'loads.x.at': [50.0, 0.0]}, 'loads.x.at'),
         ({'rpm': 3000.0}, 'rate_hz'),
         ({'rpm': -3000.0}, 'rate_hz'),

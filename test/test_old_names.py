@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Names of loads before version 2.0: refused in files with the new lines, converted in logs."""
+"""Names before version 2.0: refused in files with the new lines, converted in logs."""
 
 import json
 
@@ -120,6 +120,23 @@ def test_names_without_effect_are_to_be_left_out():
         configure({'rocker.torque': 0.0, 'rocker.rest_angle': 1.0})
 
 
+@pytest.mark.parametrize(
+    ('present', 'replaced'),
+    [({}, ''), ({'points.foot.link': 'rocker'}, ' and the section points'),
+     ({'rocker.torque': 2.0}, '')],
+)  # fmt: skip
+def test_old_coupler_point_is_refused_with_the_lines_to_write(present, replaced):
+    with pytest.raises(ConfigurationError) as refused:
+        configure({'coupler.point': [0.1, 0.05], **present})
+    first, *lines = str(refused.value).splitlines()
+    assert f'below points, by a name of your own; replace these parameters{replaced} with' in first
+    section = yaml.safe_load('\n'.join(lines))
+    due = {'coupler_point': {'link': 'coupler', 'at': [0.1, 0.05]}}
+    due |= {'foot': {'link': 'rocker'}} if replaced else {}
+    assert section['points'] == due
+    assert ('loads' in section) == ('rocker.torque' in present)
+
+
 @pytest.mark.parametrize('name', OLD_PRESETS)
 def test_presets_of_version_1_follow_from_the_message_with_equal_bits(name, tmp_path):
     present = {k: v for k, v in read_values(name).items() if not k.startswith('loads.')}
@@ -154,7 +171,11 @@ def log_of_version_1(path, preset):
     _, *records = all_records = records_of(LOGS[preset])
     (about,) = (x for x in records if isinstance(x, Metadata) and x.name == CONFIGURATION_RECORD)
     old = yaml.safe_load(OLD_PRESETS.get(preset, 'rocker.torque: 0.0'))
-    kept = {k: v for k, v in unseal(about.metadata).items() if not k.startswith('loads.')}
+    values = unseal(about.metadata)
+    if 'points.coupler_point.at' in values:
+        old['coupler.point'] = json.loads(values['points.coupler_point.at'])
+    new = 'loads.', 'points.'
+    kept = {k: v for k, v in values.items() if not k.startswith(new)}
     texts = {name: json.dumps(value) for name, value in old.items()}
     about.metadata = seal({**kept, **texts, 'version': '1.0.0'})
     return write_records(path, all_records)
@@ -166,6 +187,7 @@ def test_logs_of_version_1_are_read_but_not_verified(preset, called, tmp_path):
     path = log_of_version_1(tmp_path / 'old.mcap', preset)
     old, new = LogReader(path), LogReader(LOGS[preset])
     assert len(old.configuration.mechanism.loads) == len(new.configuration.mechanism.loads)
+    assert old.configuration.mechanism.points == new.configuration.mechanism.points
     assert [x.data for x in old.messages()] == [x.data for x in new.messages()]
     assert read_log(path).keys() == read_log(LOGS[preset]).keys()
     assert called(log_tool, 'csv', path, tmp_path / 'old.csv')[0] == 0

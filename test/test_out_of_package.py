@@ -22,7 +22,17 @@ from sensor_msgs.msg import JointState
 from test_rerun_connection import read
 
 from linkage_lab.methods.registry import METHODS
-from linkage_ros import Body, Coupler, Dyad, DyadSlider, LinkLoad, MechanismError, Solver, read_log
+from linkage_ros import (
+    Body,
+    Coupler,
+    Dyad,
+    DyadSlider,
+    LinkLoad,
+    MechanismError,
+    Solver,
+    TracedPoint,
+    read_log,
+)
 from linkage_ros.mechanism.parts import Guide, Slider
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.urdf import make_urdf
@@ -51,10 +61,11 @@ def cardan_gear():
 def solver(cardan_gear):
     gear = cardan_gear.CardanGear(
         Body(0.1, inertia=0.02),
-        Coupler(0.1, mass=0.5, inertia=0.001, center=(0.01, 0.02), point=(0.05, 0.0)),
+        Coupler(0.1, mass=0.5, inertia=0.001, center=(0.01, 0.02)),
         Slider(mass=2.0),
         Guide(0.7),
         loads=(LinkLoad('slider', -5.0, 30.0, 400.0, 0.05),),
+        points=(TracedPoint('middle', 'coupler', (0.05, 0.0)),),
     )
     return Solver(gear)
 
@@ -156,7 +167,8 @@ def test_a_link_with_a_name_of_its_own_is_drawn_and_described(cardan_gear, solve
             crank, coupler, slider = plain.links
             return plain._replace(links=(crank, coupler._replace(name='pinion'), slider))
 
-    gear = Pinion(**{name: getattr(solver.mechanism, name) for name in Pinion.__match_args__})
+    parts = {name: getattr(solver.mechanism, name) for name in Pinion.__match_args__}
+    gear = Pinion(**{**parts, 'points': [TracedPoint('C', 'pinion', (0.05, 0.0))]})
     drawing = Drawing(gear)
     ends = {'crank': ('A0', 'A'), 'pinion': ('A', 'B')}
     assert (drawing.ends, drawing.owners) == (ends, {'B': 'slider', 'C': 'pinion'})

@@ -31,6 +31,7 @@ from linkage_ros import (
     Slider,
     SliderCrank,
     Solver,
+    TracedPoint,
     UnreachableError,
     WindPump,
     travel,
@@ -53,6 +54,7 @@ GOOD = {
         'crank.length': 0.1,
         'coupler.length': 0.3,
         'slider.offset': 0.05,
+        'points.x.link': 'coupler',
         'rpm': 150.0,
     },
 }
@@ -108,7 +110,7 @@ def refused(call, named='', error=LinkageError):
 
 
 CRANK_ROCKER = FourBar(Frame(2.0), Body(1.0), Coupler(3.0), Body(2.5))
-TRACED = replace(CRANK_ROCKER, coupler=Coupler(3.0, mass=1.0, point=(1.5, 0.2)))
+HEAVY = replace(CRANK_ROCKER, coupler=Coupler(3.0, mass=1.0))
 PARALLELOGRAM = FourBar(Frame(2.0, 0.25), Body(1.0), Coupler(2.0, 1.0), Body(1.0))
 STRETCHED = FourBar(Frame(2.0), Body(4.0, 1.0, 0.1), Coupler(2.1), Body(2.2))
 CENTRIC = SliderCrank(Body(1.0), Coupler(2.5), Slider(mass=1.0))
@@ -121,7 +123,7 @@ EQUAL_ROD = SliderCrank(Body(1.0), Coupler(1.0), Slider(mass=1.0))
 def test_unmodified_values_are_accepted():
     for kind, values in GOOD.items():
         assert configure(values).kind.mechanism == kind
-    for mechanism in (CRANK_ROCKER, TRACED, PARALLELOGRAM, CENTRIC):
+    for mechanism in (CRANK_ROCKER, HEAVY, PARALLELOGRAM, CENTRIC):
         assert np.isfinite(state(mechanism, [0.1, 2.0], 3.0, -4.0).torque).all()
         assert all(map(math.isfinite, forces(mechanism, 0.2).shaking_force))
 
@@ -167,7 +169,7 @@ LINES = [
      'reaches 5.73512 to 10.5728 rad = 328.598 to 605.779 deg; drive: motion, torque or follow '
      'moves it within these angles')),
     (lambda: state(CENTRIC, [0.0, 1.0], [1.0, NAN]), 'crank speed = nan: must be a finite number'),
-    (lambda: state(TRACED, 1.0, 1e200),
+    (lambda: state(HEAVY, 1.0, 1e200),
      ('the torque or an acceleration overflows at crank angle = 1, crank speed = 1e+200: lower '
      'them')),
     (lambda: replace(CENTRIC, frame=Frame(1.0)),
@@ -229,7 +231,8 @@ BAD_VALUES = {
         'crank.length': [10**400, 'a\nb'],
         'slider.offset': [NAN],
         'crank.center': [[NAN, 0]],
-        'coupler.point': [[0, 1e10]],
+        'points.x.at': [[0, 1e10], [NAN, 0.0], [0.1]],
+        'points.x.link': ['rocker', 5, 'frame'],
         'crank_acceleration': [-1],
         'assembly': [-1],
         'log_overwrite': [1],
@@ -243,7 +246,7 @@ BAD_NAMES = {
         'length.x' * 3, 'use_sim_times', 'x.use_sim_time', 'use_sim_time.x',
         'qos_overrides./a.depth',
     ],
-    SLIDER: ['rmp', 'wheel.radius', 'a\nb', 'frame.length'],
+    SLIDER: ['rmp', 'wheel.radius', 'a\nb', 'frame.length', 'points.x.from'],
 }  # fmt: skip
 
 
@@ -340,9 +343,10 @@ BAD_CALLS = [
     (lambda: SpeedDrive(2e6), 'rpm = '),
     (lambda: SpeedDrive(60.0, crank_acceleration=-1.0), 'crank_acceleration = '),
     (lambda: configure({'mechanism': 'wind_pump', 'rpm': 60.0}), "5 mistakes: (1) 'rpm'"),
-    (lambda: FourBar(Frame(2.0), Body(1.0), Body(3.0), Body(2.5)), 'coupler = '),
+    (lambda: FourBar(Frame(2.0), Body(1.0), Slider(), Body(2.5)), 'coupler = '),
     (lambda: FourBar(2.0, Body(1.0), Coupler(3.0), Body(2.5)), 'frame = '),
-    *((partial(Coupler, 1.0, point=x), 'point = ') for x in ({1.0, 2.0}, iter([1, 2]), np.eye(2))),
+    *((partial(TracedPoint, 'x', 'coupler', x), 'at = ')
+      for x in ({1.0, 2.0}, iter([1, 2]), np.eye(2))),
     *((partial(replace, CRANK_ROCKER, loads=(x,)), 'loads = ')
       for x in (Rocker(1.0), 5.0, LoadCurve, None)),
     *((partial(Solver, x), 'mechanism') for x in (3, None, WindPump, Body(1.0))),
@@ -363,7 +367,7 @@ BAD_CALLS = [
     (lambda: Solver(PUMP).accelerations((0.0, 1.5), (1e200, 0.0), 1.0),
      'crank speed = 1e+200, slider speed = 0, torque = 1'),
     (lambda: Solver(PUMP).reach, 'WindPump'),
-    (lambda: Solver(replace(TRACED, loads=(Friction(0.1, 0.1),))).accelerations(0.3, 1.0, 2.0),
+    (lambda: Solver(replace(HEAVY, loads=(Friction(0.1, 0.1),))).accelerations(0.3, 1.0, 2.0),
      'friction'),
     (lambda: configure({'drive': 'follow', 'rate_hz': 3.0}), 'rate_hz'),
 ]  # fmt: skip

@@ -438,7 +438,7 @@ def test_viewer_may_start_late_end_and_restart(tmp_path, monkeypatch):
             view.consume(SAMPLES[100:])
             wait_for(lambda saved=saved: view.consume([]) or len(stamps_in(saved)) == 201)
         # The constant components were sent again.
-        assert read(saved)['/linkage/moving']['Points2D:labels'] == [['A', 'B', 'C']]
+        assert read(saved)['/linkage/moving']['Points2D:labels'] == [['A', 'B', 'coupler_point']]
         assert stamps_in(saved) == [STAMPS[0], *STAMPS[100:]]
         wait_for(lambda: not is_taken() and 'no viewer answers' in view.trouble)
     closing = threading.Thread(target=view.close, daemon=True)

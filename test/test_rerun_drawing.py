@@ -34,7 +34,7 @@ HANGING = {
     'frame.length': 0.4, 'frame.angle': -math.pi / 2,
     'crank.length': 0.3, 'crank.mass': 1.0, 'crank.inertia': 0.01, 'crank.center': [0.15, 0.0],
     'coupler.length': 0.2, 'coupler.mass': 1.0, 'coupler.inertia': 0.005,
-    'coupler.center': [0.1, 0.0], 'coupler.point': [0.1, 0.06],
+    'coupler.center': [0.1, 0.0], 'points.C.link': 'coupler', 'points.C.at': [0.1, 0.06],
     'rocker.length': 0.25, 'rocker.mass': 1.0, 'rocker.inertia': 0.005,
     'rocker.center': [0.12, 0.0],
 }  # fmt: skip
@@ -60,7 +60,8 @@ MECHANISMS = {
     ),
     'hanging': configure(HANGING),
     'other_side': changed(
-        'wind_pump', assembly='open', slider__position=-1.5, coupler__point=[0.3, 0.1],
+        'wind_pump', assembly='open', slider__position=-1.5, points__C__link='coupler',
+        points__C__at=[0.3, 0.1],
     ),
 }  # fmt: skip
 
@@ -139,11 +140,10 @@ def test_links_have_their_lengths_and_end_at_pins(drawn):
             assert abs(abs(line[:, 1] - line[:, 0]) - length).max() < 1e-6
         for corner in line.T:
             assert abs(pins - corner).min(axis=0).max() < 3e-7
-    coupler = getattr(drawn.mechanism, 'coupler', None)
-    if getattr(coupler, 'point', None):
+    for traced in drawn.mechanism.points:
         start, end, point, again = drawn.lines['coupler'].T
         assert (again == start).all()
-        exact = complex(*coupler.point) / coupler.length
+        exact = complex(*traced.at) / drawn.mechanism.coupler.length
         assert abs((point - start) / (end - start) - exact).max() < 1e-5
 
 
@@ -320,12 +320,12 @@ def test_only_the_reachable_arc_is_drawn():
     mechanism, solver = configuration.mechanism, Solver(configuration.mechanism)
     first, second = solver.mobility.arcs
     # A measured crank is expected in the first arc; an angle of 0 is in the other.
-    measured = RerunDrawing(replace(configuration, drive=FollowDrive())).drawing.paths['rocker']
-    assert np.array_equal(measured, Drawing(mechanism, sum(first) / 2).paths['rocker'])
+    measured = RerunDrawing(replace(configuration, drive=FollowDrive())).drawing.paths['B']
+    assert np.array_equal(measured, Drawing(mechanism, sum(first) / 2).paths['B'])
     for (start, end), turns in itertools.product((first, second), (-2, 0, 1)):
         drawing = Drawing(mechanism, 0.3 * start + 0.7 * end + turns * 2 * math.pi)
         b = solver.point(solver.state(np.linspace(start + 1e-6, end - 1e-6, 50)), 'B').position
-        got, expected = drawing.paths['rocker'], np.stack(b, axis=-1)
+        got, expected = drawing.paths['B'], np.stack(b, axis=-1)
         assert got.min(axis=0) == pytest.approx(expected.min(axis=0), abs=2e-3)
         assert got.max(axis=0) == pytest.approx(expected.max(axis=0), abs=2e-3)
 

@@ -25,7 +25,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from linkage_ros import Body, Coupler, FourBar, Frame
-from linkage_ros.messages.topics import COUPLER_POINT, JOINT_STATES, MECHANISM_STATE
+from linkage_ros.messages.topics import JOINT_STATES, MECHANISM_STATE, point_topic
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
@@ -109,13 +109,13 @@ def assert_poses(data, simulator, made):
         due = place + axes @ [pin.real, pin.imag, 0.0]
         assert np.allclose(found, due, rtol=0, atol=1e-14)
         assert np.allclose(turned[:, 0], axes @ [math.cos(angle), math.sin(angle), 0], atol=1e-14)
-    if COUPLER_POINT in simulator.templates.topics:
-        message_ = message(simulator, made, COUPLER_POINT, PointStamped)
+    for traced in simulator.configuration.mechanism.points:
+        message_ = message(simulator, made, point_topic(traced.name), PointStamped)
         assert message_.header.frame_id == session.frame_id
-        found, turned = pose(data, f'{session.joint_prefix}coupler_link')
-        on_coupler = found + turned @ [*simulator.configuration.mechanism.coupler.point, 0.0]
+        found, turned = pose(data, f'{session.joint_prefix}{traced.link}_link')
+        on_link = found + turned @ [*traced.at, 0.0]
         point = message_.point
-        assert np.allclose(place + axes @ [point.x, point.y, point.z], on_coupler, atol=1e-14)
+        assert np.allclose(place + axes @ [point.x, point.y, point.z], on_link, atol=1e-14)
 
 
 @pytest.mark.parametrize('preset', preset_names())

@@ -110,7 +110,7 @@ RUNS = {
     'loop': ({'rpm': 20.0}, looped(90.0), {}, 213, 0),
     'loop that stops': (SLOW, looped(0.0), {}, 213, 0),
     'loop of states': (SLOW, looped(90.0), {'topics': ('joint_states',)}, 213, 0),
-    'loop of points': ({'rpm': 20.0}, looped(0.0), {'topics': ('coupler_point',)}, 213, 0),
+    'loop of points': ({'rpm': 20.0}, looped(0.0), {'topics': ('points/coupler_point',)}, 213, 0),
     'forward and back': ({}, stepped(10**10, -(10**10)), {}, 161, 3),
     'further back': ({'rate_hz': 123.4}, stepped(10**10, -12 * 10**9), {}, 161, 3),
     'back and back': ({}, stepped(-1, -1_000_000), {}, 161, 3),
@@ -157,7 +157,7 @@ def test_state_cut_off_at_the_end_is_reported(tmp_path):
     rewrite(path, lambda records: records[:-3])  # the last is the end record
     report = report_of(path)
     assert report.difference == ''
-    assert (report.states, report.cut) == (19, ('/mechanism_state', '/coupler_point'))
+    assert (report.states, report.cut) == (19, ('/mechanism_state', '/points/coupler_point'))
 
 
 # -------------------------------------------------------------- modified logs with valid checksums
@@ -230,7 +230,9 @@ def delayed(topic, number, *, log=0, publish=0):
     return at(topic, number, change)
 
 
-QUADRILATERAL = ('/joint_states', '/driving_torque', '/mechanism_state', '/coupler_point')
+QUADRILATERAL = (
+    '/joint_states', '/driving_torque', '/mechanism_state', '/points/coupler_point',
+)  # fmt: skip
 
 
 @pytest.fixture(scope='module')
@@ -479,6 +481,13 @@ TAMPERED = {
     'log time': (delayed('/driving_torque', 7, log=1, publish=1), '/driving_torque: log time'),
     'publish time': (delayed('/driving_torque', 7, publish=-1), '/driving_torque: publish time'),
     'forged topic': (forge, '^/diagnostics: '),
+    'topic of no point': (
+        resealed(
+            CONFIGURATION_RECORD,
+            lambda fields: {k: v for k, v in fields.items() if not k.startswith('points.')},
+        ),
+        '^/points/coupler_point: no run of this configuration',
+    ),
     'schema': (narrow, r'^/\w+: '),
     'repeated role': (repeat_role, 'role'),
     'two configurations': (
@@ -503,8 +512,8 @@ TAMPERED = {
             ('crank_acceleration', 1.0, 'record 1 .*acceleration = 0.0'),
             ('assembly', 'crossed', '.'),
             ('frame.angle', 5.4977871437821, '.'),
-            ('coupler.point', (0.16, 0.05), '/coupler_point: point.x|point.y'),
-            ('coupler.point', 'none', '^/coupler_point: '),
+            ('points.coupler_point.at', (0.16, 0.05), '/points/coupler_point: point.x|point.y'),
+            ('points.coupler_point.link', 'crank', '/points/coupler_point: point.x|point.y'),
             ('rate_hz', 199.0, '^state 2, '),
             ('joint_prefix', 'left_', '^/robot_description: '),
             ('frame_id', 'tool0', '^/robot_description: '),

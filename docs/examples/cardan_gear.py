@@ -17,7 +17,17 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from linkage_ros import OPEN, Body, Coupler, Dyad, Guide, Mechanism, MechanismError, Reach, Slider
+from linkage_ros import (
+    OPEN,
+    Body,
+    Dyad,
+    Guide,
+    Mechanism,
+    MechanismError,
+    Reach,
+    Slider,
+    TracedPoint,
+)
 from linkage_ros.extensions import (
     MECHANISMS,
     AppliedLoad,
@@ -26,10 +36,10 @@ from linkage_ros.extensions import (
     Point,
     Pose,
     Structure,
-    coupler_point,
     dyads_field,
     gravity_quantity,
     loads_field,
+    points_field,
     two_sum,
 )
 from linkage_ros.formulas import ZERO, Real, Vector, atan2, cos, sin
@@ -82,16 +92,18 @@ class CardanGear(Mechanism):
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Loads of the kinds that every mechanism accepts.
         dyads: Dyads that the gear carries.
+        points: Traced points of its links.
     """
 
     crank: Body
-    coupler: Coupler
+    coupler: Body
     slider: Slider = field(default_factory=Slider)
     frame: Guide = field(default_factory=Guide)
     assembly: str = quantity('choice', 'the only assembly', choices=(OPEN,), default=OPEN)
     gravity: tuple[float, float] = gravity_quantity()
     loads: tuple[AppliedLoad, ...] = loads_field()
     dyads: tuple[Dyad, ...] = dyads_field()
+    points: tuple[TracedPoint, ...] = points_field()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -123,7 +135,7 @@ class CardanGear(Mechanism):
                 Link.turning('coupler', coupler, 1, A),
                 Link('slider', slider.mass, 0.0, B, angle=self.frame.angle, slides=True),
             ),
-            {'A0': A0, 'A': A, 'B': B, **coupler_point(coupler, A)},
+            {'A0': A0, 'A': A, 'B': B},
             # There are no pins: the sharing of forces between the teeth of ring and pinion is not
             # modelled, so joint forces are refused.
             closure=B,

@@ -135,9 +135,9 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
         for name in names
     ]
     sensors.append(_element('actuatorfrc', name=f'{driven}_effort', actuator=driven))
-    if point := structure.points.get('C'):
-        name = f'{joint_prefix}coupler_point'
-        bodies[1].append(_site(name, point.weights[1]))
+    for point in mechanism.points:
+        name, link = f'{joint_prefix}{point.name}', structure.link_index(point.link, point.name)
+        bodies[link].append(_site(name, complex(*point.at)))
         sensors.append(_element('framepos', name=name, objtype='site', objname=name))
     root = _element(
         'mujoco',

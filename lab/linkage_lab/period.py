@@ -128,9 +128,9 @@ class Period:
                 values = np.unwrap(rows[i]) if is_angle else rows[i]
                 self.add(f'{link.name}.{name}', ('m' if link.slides else 'rad') + per, values)
         self.columns |= efforts
-        if 'C' in solver.structure.points:
-            for (name, per), vector in zip(_MOTION, solver.point(state, 'C'), strict=True):
-                self.add(f'coupler_point.{name}', 'm' + per, vector)
+        for point in solver.structure.traced:
+            for (name, per), vector in zip(_MOTION, solver.point(state, point), strict=True):
+                self.add(f'{point}.{name}', 'm' + per, vector)
 
     @property
     def effort(self) -> str:

@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import mujoco  # required by these tests: without it they must fail, not be skipped
 import numpy as np
 import pytest
-from mechanisms import load_values
+from mechanisms import load_values, traced
 from pages import block, read, run_python
 from ros_harness import assert_refused
 from test_mujoco import slipped
@@ -120,12 +120,15 @@ def test_the_motor_and_the_sensors_have_the_names_of_the_page():
     ]
 
 
-def test_coupler_point_is_a_sensor():
-    configuration = load('coupler_point')
-    simulator = Simulator(configuration)
+@each
+def test_traced_points_of_every_link_are_sensors(preset):
+    configuration = load(preset)
+    mechanism = traced(configuration.mechanism)
+    configuration = replace(configuration, mechanism=mechanism)
     _, data = exported(configuration)
-    place = simulator.solver.point(start_of(configuration), 'C').position
-    assert data.sensor('coupler_point').data == pytest.approx((*place, 0.0), abs=1e-15)
+    for point in mechanism.points:
+        place = Solver(mechanism).point(start_of(configuration), point.name).position
+        assert data.sensor(point.name).data == pytest.approx((*place, 0.0), abs=1e-14)
 
 
 def test_friction_and_a_load_on_a_link_carried_by_another_are_refused():

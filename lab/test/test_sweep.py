@@ -22,6 +22,7 @@ import mortal
 import numpy as np
 import pytest
 import yaml
+from mechanisms import traced
 from scipy.integrate import quad
 from test_law_chart import LIMITED
 
@@ -159,8 +160,8 @@ def expected_measures(solver, angles, points):
     if solver.reach.transmission:
         low, high = solver.reach.transmission
         found['transmission_angle'] = math.degrees(min(low, math.pi - high))
-    if 'C' in solver.structure.points:
-        x, y = solver.point(solver.state(np.linspace(0, 2 * math.pi, 100001)), 'C').position
+    for name in solver.structure.traced:
+        x, y = solver.point(solver.state(np.linspace(0, 2 * math.pi, 100001)), name).position
         found['point_distance'] = max(np.abs(x + 1j * y - point).min() for point in points)
     return found
 
@@ -173,7 +174,9 @@ def test_measures_match_the_solver(preset, kinds):
     solvers = [solver_of(mechanism, names, row) for row in table]
     expected = [expected_measures(x, 360, points) if x else None for x in solvers]
     measures = next(tuple(x) for x in expected if x)
-    found = measured(Task(mechanism, RPM, names, measures, 360, points), table)
+    found = measured(
+        Task(mechanism, RPM, names, measures, 360, points, None, 'coupler_point'), table
+    )
     assert (found[:, 0] == TURNS).tolist() == [x is not None for x in solvers]
     assert 10 < sum(found[:, 0] == TURNS) < 30
     for row, wanted in zip(found[:, 1:], expected, strict=True):
@@ -263,18 +266,22 @@ def test_designs_equal_machines_of_their_own_parameter_files(preset, sign, tmp_p
     assert compared > 80
 
 
-@pytest.mark.parametrize('angles', [24, 360])
-def test_points_on_the_path_have_no_distance_from_it(angles):
-    mechanism = load('coupler_point').mechanism
+@pytest.mark.parametrize(
+    ('preset', 'angles'), [('coupler_point', 24), *((x, 360) for x in ('watt', 'shaper'))]
+)
+def test_points_on_the_path_have_no_distance_from_it(preset, angles):
+    mechanism = traced(load(preset).mechanism)
     solver = Solver(mechanism)
-    points = [
-        complex(*solver.point(solver.state(crank), 'C').position)
-        for crank in np.random.default_rng(2).uniform(0, 7, 20).tolist()
-    ]
-    for point in points:
-        task = Task(mechanism, None, ('frame.length',), ('point_distance',), angles, (point,))
-        ((_, distance),) = measured(task, np.array([[mechanism.frame.length]]))
-        assert distance < 1e-15
+    cranks = np.random.default_rng(2).uniform(0, 7, 2).tolist()
+    for point in mechanism.points:
+        for crank in cranks:
+            on_path = complex(*solver.point(solver.state(crank), point.name).position)
+            task = Task(
+                mechanism, None, ('crank.length',), ('point_distance',), angles, (on_path,), None,
+                point.name,
+            )  # fmt: skip
+            ((_, distance),) = measured(task, np.array([[mechanism.crank.length]]))
+            assert distance < 1e-14, point
 
 
 def test_reversals_exactly_at_a_sample_are_found():
@@ -836,7 +843,7 @@ def test_ctrl_c_leaves_complete_rows_of_measured_designs(run, monkeypatch):
         ('designs: 200', 'designs: 7\nsampler: grid', 'at least 8'),
         ('crank.length', 'crank.lenght', 'FourBar: choose from frame.length, '),
         ('crank.length', 'crank.center', 'crank.length, crank.mass, '),
-        ('crank.length', 'rocker.damping', 'write loads.NAME.damping, with the name of a load'),
+        ('crank.length', 'rocker.damping', 'write loads.NAME.damping, with a name of the base'),
         ('[0.05, 0.2]', '[0.2, 0.2]', 'empty'),
         ('[0.05, 0.2]', '[-0.1, 0.2]', 'two numbers, each from 1e-09'),
         ('[0.05, 0.2]', '0.2', 'two numbers'),
@@ -845,7 +852,12 @@ def test_ctrl_c_leaves_complete_rows_of_measured_designs(run, monkeypatch):
         ('rpm: 15.0', 'rocker.mass: 4.0', 'rocker.mass = [-0.5, 7.5]: must be two'),
         ('time_ratio', 'time_rato', "measures ['time_rato', 'peak"),
         ('time_ratio', 'stroke', 'needs a slider'),
-        ('time_ratio', 'point_distance', 'needs coupler.point, and points'),
+        (
+            'seed: 3',
+            'point: toe',
+            "point = 'toe': must be one of the traced points of the base, coupler_point",
+        ),
+        ('time_ratio', 'point_distance', 'needs a traced point in the base, and points'),
         ('transmission_angle', 'angle', "'angle']: choose from peak_torque"),
         ('[20.0, .inf]', '20.0', 'two numbers'),
         ('[20.0, .inf]', '[91.0, .inf]', 'no design is left of 200 designs: '),

@@ -20,11 +20,11 @@ from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.log.rows import RowLayout
 from linkage_ros.mechanism.conditions import Conditions
 from linkage_ros.messages.topics import (
-    COUPLER_POINT,
     DIAGNOSTICS,
     JOINT_STATES,
     MEASURED_JOINT_STATES,
     MECHANISM_STATE,
+    POINTS,
     Topic,
 )
 from linkage_ros.motion.drives.follow import MeasuredCrank
@@ -74,13 +74,13 @@ class ExpectedStates(ABC):
     """The states that a log must contain, in order.
 
     Attributes:
-        needed: Topics of which the log must have one.
+        needed: Topics of which the log must have one, or another one of the same type.
         needs_motion: Whether the log must have a segment of motion.
         missed: Number of ticks so far without a state.
         is_record: Whether linkage_record wrote the log, so that every tick has a state.
     """
 
-    needed: ClassVar[tuple[Topic, ...]] = MECHANISM_STATE, JOINT_STATES, COUPLER_POINT
+    needed: ClassVar[tuple[Topic, ...]] = MECHANISM_STATE, JOINT_STATES, POINTS
     needs_motion: ClassVar[bool] = True
     missed, is_record = 0, False
 

@@ -88,7 +88,7 @@ class LogReader:
         path: Path of the log.
         configuration: Configuration of the run.
         version: Version of linkage_ros that wrote the log.
-        has_old_names: Whether its parameters have names of loads before version 2.0.
+        has_old_names: Whether its parameters have names before version 2.0.
         motions: The segments of motion, in order.
         lost: Number of logged messages missing from the file; None if this is unknown, because the
             log was recovered without its end record or written by an old version.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Joint states of logs and of other bags as arrays, and as tables for a spreadsheet."""
+"""Joint states and points of logs and other bags as arrays, and as tables for a spreadsheet."""
 
 import csv
 import math
@@ -17,7 +17,7 @@ from linkage_ros.errors import LogError
 from linkage_ros.files import is_same_file, replacement
 from linkage_ros.log.bag import Bag, BagTopic
 from linkage_ros.log.reader import LogReader
-from linkage_ros.messages.cdr import decode_joint_state, decode_trajectory
+from linkage_ros.messages.cdr import decode_joint_state, decode_point, decode_trajectory
 from linkage_ros.messages.templates import QUANTITIES
 from linkage_ros.messages.topics import (
     JOINT_STATE,
@@ -25,12 +25,14 @@ from linkage_ros.messages.topics import (
     JOINT_TRAJECTORY,
     MEASURED_JOINT_STATES,
     MECHANISM_STATE,
+    POINT_STAMPED,
 )
 from linkage_ros.numeric import Array
 from linkage_ros.settings.joints import FRAME, measured_from
 from linkage_ros.units import NS_PER_S
 
-_TYPES = JOINT_STATE.name, JOINT_TRAJECTORY.name
+_TYPES = JOINT_STATE.name, JOINT_TRAJECTORY.name, POINT_STAMPED.name
+_POINTS = 'points/'  # start of the roles of traced points
 _IN_JOINT_STATE = tuple(name for name in QUANTITIES if name != 'acceleration')
 
 
@@ -49,12 +51,13 @@ class WrittenTable(NamedTuple):
 
 
 class _Table:
-    """The joint states of a topic.
+    """The joint states or the points of a topic.
 
     Attributes:
         topic: The topic.
         stamps: Stamp of each row, ns.
-        columns: Values by name, such as 'crank.position'; NaN where a message has none.
+        columns: Values by name, such as 'crank.position', or 'x' of a point; NaN where a message
+            has none.
         invalid: Number of messages that could not be decoded.
     """
 
@@ -64,6 +67,11 @@ class _Table:
         # The columns of each layout of messages, in the order of the values, and the last layout.
         self._layouts: dict[Any, list[array[float]]] = {}
         self._last: Any = None
+
+    @property
+    def is_of_points(self) -> bool:
+        """Whether the messages are points."""
+        return self.topic.type == POINT_STAMPED.name
 
     def add(self, time: int, data: bytes) -> None:
         """Adds a message with its log time, ns.
@@ -75,6 +83,9 @@ class _Table:
         if self.topic.type == JOINT_STATE.name:
             stamp, names, *rows = decode_joint_state(data)
             quantities = _IN_JOINT_STATE
+        elif self.is_of_points:
+            stamp, place = decode_point(data)
+            names, rows, quantities = ['x', 'y', 'z'], [place], ('',)
         else:
             stamp, names, ((*rows, _),) = decode_trajectory(data)
             quantities = QUANTITIES
@@ -96,7 +107,8 @@ class _Table:
         taken = set[str]()
         for quantity, size in sizes:
             for i in range(size):
-                name, column = f'{names[i] if i < len(names) else ""}.{quantity}', array('d')
+                name, column = names[i] if i < len(names) else '', array('d')
+                name += f'.{quantity}' * bool(quantity)
                 if i < len(names) and name not in taken:
                     column = self.columns.setdefault(name, column)
                 taken.add(name)
@@ -109,7 +121,7 @@ class _Table:
 
 
 def _tables(bag: Bag, progress: Callable[[int], object] = lambda _: None) -> list[_Table]:
-    """Reads the joint states of each topic that has any; leaves out invalid messages.
+    """Reads the joint states or points of each topic that has any, except invalid messages.
 
     Raises:
         LogError: The bag is incomplete or damaged.
@@ -130,7 +142,7 @@ def _tables(bag: Bag, progress: Callable[[int], object] = lambda _: None) -> lis
 
 
 def read_log(path: Path | str) -> dict[str, dict[str, Array]]:
-    """Reads joint states as arrays; see `linkage_ros.read_log`."""
+    """Reads joint states and points as arrays; see `linkage_ros.read_log`."""
     return {
         table.topic.name: {
             't': np.frombuffer(table.stamps, np.int64) / NS_PER_S,
@@ -149,6 +161,8 @@ def write_csv(
     progress: Callable[[int], object] = lambda _: None,
 ) -> WrittenTable:
     """Writes the joint states of a topic as a table, with a row for each message.
+
+    The states of a log are followed by its traced points.
 
     Args:
         source: An MCAP file, or the folder of a rosbag2 recording.
@@ -169,15 +183,44 @@ def write_csv(
     if any(is_same_file(str(file), str(target)) for file in bag.files):
         raise LogError(f'{target} is the log itself: choose another name')
     with replacement(target, LogError, overwrite=overwrite, cure='give --overwrite') as path:
-        table = _chosen(source, _tables(bag, progress), topic)
+        found = _tables(bag, progress)
+        table = _chosen(source, [x for x in found if not x.is_of_points], topic)
         labels = {} if table.topic.role == MEASURED_JOINT_STATES.role else _labels(source)
-        head = ['t [s]', *(labels.get(name, name) for name in table.columns)]
-        columns = (_cells(column) for column in table.columns.values())
+        points = _points_of(table, found)
+        head = ['t [s]', *(labels.get(name, name) for name in table.columns), *points]
+        columns = map(_cells, (*table.columns.values(), *points.values()))
         with path.open('wb') as stream, TextIOWrapper(stream, newline='') as text:
             writer = csv.writer(text, lineterminator='\n')
             writer.writerow(head)
             writer.writerows(zip(map(_seconds, table.stamps), *columns, strict=True))
     return WrittenTable(table.topic.name, len(table.stamps), table.invalid)
+
+
+def _points_of(states: _Table, tables: Iterable[_Table]) -> dict[str, Sequence[float]]:
+    """Returns columns of the traced points at the stamps of a log's states, by their heads.
+
+    Args:
+        states: Table of the states.
+        tables: All tables of the log.
+
+    Returns:
+        Columns of x and y; NaN where a point has no message of that stamp.
+    """
+    found = dict[str, Sequence[float]]()
+    if states.topic.role not in {MECHANISM_STATE.role, JOINT_STATES.role}:
+        return found
+    for table in tables:
+        if not table.topic.role.startswith(_POINTS):
+            continue
+        rows: Iterable[int | None] = range(len(table.stamps))
+        if table.stamps != states.stamps:  # messages are missing
+            places = {stamp: row for row, stamp in enumerate(table.stamps)}
+            rows = [places.get(stamp) for stamp in states.stamps]
+        for axis in 'xy':
+            name, column = table.topic.role.removeprefix(_POINTS), table.columns[axis]
+            cells = array('d', (math.nan if row is None else column[row] for row in rows))
+            found[f'{name}.{axis} [m]'] = cells
+    return found
 
 
 def _chosen(source: Path | str, tables: Sequence[_Table], name: str) -> _Table:

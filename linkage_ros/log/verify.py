@@ -68,12 +68,12 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
 
     Raises:
         LogError: The file is damaged, lacks the topics or segments required to recompute it, or
-            has old names of loads.
+            has names of parameters before version 2.0.
     """
     if log.has_old_names:
         raise LogError(
-            f'{log.path} cannot be verified: its loads have names before version 2.0; verify it '
-            f'with the version that wrote it, {log.version}'
+            f'{log.path} cannot be verified: its parameters have names before version 2.0; verify '
+            f'it with the version that wrote it, {log.version}'
         )
     done = Verification(log)
     done.run(progress)
@@ -145,7 +145,9 @@ class Verification:
         """
         log, simulator = self._log, self._simulator
         kind = _states_of(simulator.configuration.drive)
-        if not self._channels.keys() & {*kind.needed} or (kind.needs_motion and not log.motions):
+        needed = {topic.interface for topic in kind.needed}
+        has_needed = any(topic.interface in needed for topic in self._channels)
+        if not has_needed or (kind.needs_motion and not log.motions):
             raise LogError(
                 f'{log.path} cannot be verified: it has no motion record, or no '
                 f'{" or ".join(topic.name for topic in kind.needed)}'

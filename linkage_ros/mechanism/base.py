@@ -15,6 +15,7 @@ from linkage_ros.mechanism.kinematics import Loop, Reach, Stroke
 from linkage_ros.mechanism.loads import LOADS
 from linkage_ros.mechanism.loads.base import AppliedLoad, JointLoad, Load
 from linkage_ros.mechanism.parts import Body
+from linkage_ros.mechanism.points import TracedPoint, with_points
 from linkage_ros.mechanism.structure import Structure
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, shown
@@ -70,6 +71,7 @@ class Mechanism(_FromDrawing):
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Loads on the links.
         dyads: Dyads that the mechanism carries, in the order in which they are solved.
+        points: Traced points, sorted by name.
         drawn: Names and position of the drawing from which it was made; None without a drawing.
     """
 
@@ -80,6 +82,7 @@ class Mechanism(_FromDrawing):
     gravity: tuple[float, float]
     loads: tuple[AppliedLoad, ...] = ()
     dyads: tuple[Dyad, ...] = ()
+    points: tuple[TracedPoint, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -87,6 +90,10 @@ class Mechanism(_FromDrawing):
         if self.dyads:
             links = [link.name for link in self._named_loop.links]
             object.__setattr__(self, 'dyads', ordered(self.dyads, links))
+        if self.points:
+            points = sorted(self.points, key=lambda point: point.name)
+            object.__setattr__(self, 'points', tuple(points))
+            self.structure()  # rejects points that do not fit
         loads = tuple(load.completed() for load in _named(self.loads))
         object.__setattr__(self, 'loads', loads)
 
@@ -124,7 +131,8 @@ class Mechanism(_FromDrawing):
 
     @functools.cached_property
     def _structure(self) -> Structure:
-        return functools.reduce(Structure.with_dyad, self.dyads, self._named_loop)
+        links = functools.reduce(Structure.with_dyad, self.dyads, self._named_loop)
+        return with_points(links, self.points)
 
     @functools.cached_property
     def _named_loop(self) -> Structure:

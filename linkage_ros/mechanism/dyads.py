@@ -29,7 +29,6 @@ Relative errors grow as 1 / sigma^2, because the ends have rounding errors.
 
 import itertools
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, NoReturn, cast
@@ -40,7 +39,15 @@ from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.kinematics import LinkPose, Loop, Pose, bends, directions
 from linkage_ros.mechanism.parts import CROSSED, OPEN, Barrel, Body, Rod
 from linkage_ros.numeric import Real
-from linkage_ros.quantities import Checked, groups, quantity, required, shown, unlisted
+from linkage_ros.quantities import (
+    Checked,
+    groups,
+    quantity,
+    require_name,
+    required,
+    shown,
+    unlisted,
+)
 from linkage_ros.units import rad_and_deg
 
 _FRAME = 'frame'
@@ -139,11 +146,7 @@ class Dyad(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         label = f'dyads.{self.name}'
-        if not re.fullmatch('[A-Za-z_][A-Za-z0-9_]*', self.name):
-            raise ConfigurationError(
-                f'dyad {shown(self.name)}: its name must be letters, digits and underscores, and '
-                'not begin with a digit'
-            )
+        require_name('dyad', self.name)
         if tuple(self._parts) not in _KINDS:
             raise ConfigurationError(
                 f'{label} needs second or slider, and not both: two links between two points '

@@ -44,11 +44,11 @@ from linkage_ros.mechanism.parts import (
     CROSSED,
     OPEN,
     Body,
-    Coupler,
     Frame,
     gravity_quantity,
 )
-from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, coupler_point, direction
+from linkage_ros.mechanism.points import points_field
+from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, direction
 from linkage_ros.mechanism.transmission import Square, Transmission, swing_middle
 from linkage_ros.numeric import (
     HALF_PI,
@@ -222,13 +222,14 @@ class FourBar(Mechanism):
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Loads, such as `Force` and `Friction`.
         dyads: Dyads that the linkage carries.
+        points: Traced points of its links.
     """
 
     other_coordinates: ClassVar[tuple[str, ...]] = ('rocker',)
 
     frame: Frame
     crank: Body
-    coupler: Coupler
+    coupler: Body
     rocker: Body
     assembly: str = quantity(
         'choice', 'side of the coupler-rocker pin', choices=(OPEN, CROSSED), default=OPEN
@@ -236,6 +237,7 @@ class FourBar(Mechanism):
     gravity: tuple[float, float] = gravity_quantity()
     loads: tuple[Any, ...] = loads_field()
     dyads: tuple[Any, ...] = dyads_field()
+    points: tuple[Any, ...] = points_field()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -333,7 +335,7 @@ class FourBar(Mechanism):
         way = math.copysign(2.0, -self.frame.angle)
         high, error = two_sum(self.frame.angle, way * HALF_PI[0])
         reference = high, error + way * HALF_PI[1]
-        loop = FourBar(Frame(d, reference[0]), Body(c), Coupler(b), Body(r), self.assembly).loop()
+        loop = FourBar(Frame(d, reference[0]), Body(c), Body(b), Body(r), self.assembly).loop()
         transmission = loop.transmission._replace(reference=reference)
         return ByRocker(
             loop._replace(transmission=transmission, axis=-Vector.at(self.frame.angle))
@@ -395,7 +397,7 @@ class FourBar(Mechanism):
                 Link.turning('coupler', coupler, 1, A),
                 Link.turning('rocker', rocker, 2, B0),
             ),
-            {'A0': A0, 'A': A, 'B': B, 'B0': B0, **coupler_point(coupler, A)},
+            {'A0': A0, 'A': A, 'B': B, 'B0': B0},
             closure=Point.at(-B0.fixed, 3)
             .along(0, crank.length)
             .along(1, coupler.length)

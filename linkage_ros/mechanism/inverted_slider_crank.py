@@ -44,6 +44,7 @@ from linkage_ros.mechanism.parts import (
     Rod,
     gravity_quantity,
 )
+from linkage_ros.mechanism.points import points_field
 from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, direction
 from linkage_ros.mechanism.transmission import Square, half_angle, normalized
 from linkage_ros.numeric import Real, exact_sum, rounded, short_sum
@@ -201,6 +202,7 @@ class InvertedSliderCrank(SlideDriven):
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Loads, such as `Force` and `Friction`.
         dyads: Dyads that the linkage carries.
+        points: Traced points of its links.
         input: Driven joint: 'crank', or 'cylinder', the rod in its barrel.
         assembly: Side of A from the line from A0 to B0 if the cylinder is driven: 'open' for left,
             'crossed' for right. A crank angle determines it, so a driven crank has only 'open'.
@@ -220,6 +222,7 @@ class InvertedSliderCrank(SlideDriven):
     gravity: tuple[float, float] = gravity_quantity()
     loads: tuple[Any, ...] = loads_field()
     dyads: tuple[Any, ...] = dyads_field()
+    points: tuple[Any, ...] = points_field()
     input: str = quantity('choice', 'driven joint', choices=(CRANK, CYLINDER), default=CRANK)
     assembly: str = quantity(
         'choice', 'side of the pin A from the line of the fixed pivots, with input: cylinder',

@@ -9,6 +9,7 @@ Angles are in rad, counter-clockwise from the x axis of base_link.
 from dataclasses import dataclass
 from typing import Any
 
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.quantities import Checked, quantity
 
 OPEN = 'open'
@@ -63,21 +64,35 @@ class Body(Checked):
     center: tuple[float, float] = _center('the first pin')
 
 
-@dataclass(frozen=True)
-class Coupler(Body):
-    """The floating link, which may carry a traced point.
-
-    Attributes:
-        point: Coupler point [along, across] from the crank pin, m; None if no point is traced.
-    """
-
-    point: tuple[float, float] | None = quantity(
-        'pair', 'traced coupler point [along, across] from the crank pin', 'm',
-        span=_PLACES, default=None,
-    )  # fmt: skip
-
-
 Rocker = Body  # the output link of a four-bar
+
+
+def Coupler(
+    length: float,
+    mass: float = 0.0,
+    inertia: float = 0.0,
+    center: tuple[float, float] = (0.0, 0.0),
+    point: object = None,
+) -> Body:
+    """Creates the floating link.
+
+    Args:
+        length: See `Body`, as for the next three.
+        mass: Mass, kg.
+        inertia: Moment of inertia, kg m^2.
+        center: Centre of mass, m.
+        point: Not accepted; the error gives what to write instead.
+
+    Raises:
+        ConfigurationError: A value is invalid, or there is a point.
+    """
+    if point is not None:
+        raise ConfigurationError(
+            f'Coupler(point={point!r}): since version 2.0, the mechanism has the traced points of '
+            "all links; give it points=[TracedPoint('coupler_point', link='coupler', "
+            f'at={point!r})]'
+        )
+    return Body(length, mass, inertia, center)
 
 
 @dataclass(frozen=True)

@@ -43,12 +43,12 @@ from linkage_ros.mechanism.parts import (
     CROSSED,
     OPEN,
     Body,
-    Coupler,
     Guide,
     Slider,
     gravity_quantity,
 )
-from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, coupler_point, direction
+from linkage_ros.mechanism.points import points_field
+from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, direction
 from linkage_ros.mechanism.transmission import Square, Transmission
 from linkage_ros.numeric import (
     HALF_PI,
@@ -194,6 +194,7 @@ class SliderCrank(SlideDriven):
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Loads, such as `Force` and `Friction`.
         dyads: Dyads that the linkage carries.
+        points: Traced points of its links.
         input: Driven joint: 'crank' or 'slider'.
     """
 
@@ -201,7 +202,7 @@ class SliderCrank(SlideDriven):
     slide_input: ClassVar[str] = SLIDER
 
     crank: Body
-    coupler: Coupler
+    coupler: Body
     slider: Slider = field(default_factory=Slider)
     frame: Guide = field(default_factory=Guide)
     assembly: str = quantity(
@@ -211,6 +212,7 @@ class SliderCrank(SlideDriven):
     gravity: tuple[float, float] = gravity_quantity()
     loads: tuple[Any, ...] = loads_field()
     dyads: tuple[Any, ...] = dyads_field()
+    points: tuple[Any, ...] = points_field()
     input: str = quantity('choice', 'driven joint', choices=(CRANK, SLIDER), default=CRANK)
 
     def require_closed(self) -> None:
@@ -351,7 +353,7 @@ class SliderCrank(SlideDriven):
                     origin=foot, angle=self.frame.angle, slides=True,
                 ),
             ),
-            {'A0': A0, 'A': A, 'B': B, **coupler_point(coupler, A)},
+            {'A0': A0, 'A': A, 'B': B},
             closure=B,
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2)),
             dyads=((0, 1),) if self.drives_slide else ((1, 2),),

@@ -535,8 +535,8 @@ class Solver:
 
         Args:
             state: A state of floats or arrays, from `state`.
-            name: A pin, such as 'B', the coupler point 'C', the mouth 'E' of a barrel, or a joint
-                of a dyad, such as 'ram_joint'.
+            name: A traced point, a pin, such as 'B', the mouth 'E' of a barrel, or a joint of a
+                dyad, such as 'ram_joint'.
 
         Returns:
             Position, velocity and acceleration of the point, in the axes of base_link.

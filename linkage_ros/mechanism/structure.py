@@ -10,7 +10,7 @@ from linkage_ros.formulas import ZERO, Vector, cos, sin, turned
 from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.dyads import Dyad
 from linkage_ros.mechanism.kinematics import State
-from linkage_ros.mechanism.parts import Body, Coupler
+from linkage_ros.mechanism.parts import Body
 from linkage_ros.mechanism.wrenches import FRAME
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import shown
@@ -172,19 +172,6 @@ def direction(angle: Real) -> Any:
     return cos(angle) + 1j * sin(angle)
 
 
-def coupler_point(coupler: Coupler, pin: Point) -> dict[str, Point]:
-    """Returns the coupler point C.
-
-    Args:
-        coupler: The coupler, with or without a coupler point.
-        pin: The crank pin A.
-
-    Returns:
-        The point with the key 'C'; empty if the coupler has no coupler point.
-    """
-    return {} if coupler.point is None else {'C': pin.along(1, *coupler.point)}
-
-
 class Pin(NamedTuple):
     """A pin joint between two links.
 
@@ -239,8 +226,8 @@ class Structure(NamedTuple):
 
     Attributes:
         links: The moving links, each after its parent.
-        points: The pins A0, A, B and, if present, B0, D, the coupler point C and the mouth E of a
-            barrel, by name. In a drawing, they have the names of its pins.
+        points: The pins A0, A, B and, if present, B0, D and the mouth E of a barrel, then those of
+            dyads and the traced points, by name. In a drawing, they have the names of its pins.
         closure: Sum of the turning links' vectors around the loop. In a closed loop, this sum is
             0 or, with a sliding link, the position of that link's pin from the first pin of the
             link on which it slides. The sliding link is the last of the loop.
@@ -252,6 +239,7 @@ class Structure(NamedTuple):
         added: The added dyads, whose links are the last ones.
         roles: The links of the loop by their names in the mechanism's class, such as 'rocker'.
         mouth: Name of the point at which the drawing of a barrel ends; empty without a barrel.
+        traced: Links of the traced points, by the name of the point.
     """
 
     links: tuple[Link, ...]
@@ -264,6 +252,7 @@ class Structure(NamedTuple):
     added: tuple[AddedDyad, ...] = ()
     roles: tuple[str, ...] = ()
     mouth: str = ''
+    traced: Mapping[str, str] = {}
 
     @property
     def driven_link(self) -> Link:

@@ -45,11 +45,11 @@ from linkage_ros.mechanism.parts import (
     CROSSED,
     OPEN,
     Body,
-    Coupler,
     Piston,
     gravity_quantity,
 )
-from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, coupler_point
+from linkage_ros.mechanism.points import points_field
+from linkage_ros.mechanism.structure import Link, Pin, Point, Structure
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
 from linkage_ros.units import rad_and_deg
@@ -193,13 +193,14 @@ class WindPump(Mechanism):
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Loads, such as `Force` and `Friction`.
         dyads: Dyads that the linkage carries.
+        points: Traced points of its links.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ('crank', 'slider')
     other_coordinates: ClassVar[tuple[str, ...]] = ('crank', 'coupler')
 
     crank: Body
-    coupler: Coupler
+    coupler: Body
     rod: Body
     slider: Piston
     assembly: str = quantity(
@@ -208,6 +209,7 @@ class WindPump(Mechanism):
     gravity: tuple[float, float] = gravity_quantity()
     loads: tuple[Any, ...] = loads_field()
     dyads: tuple[Any, ...] = dyads_field()
+    points: tuple[Any, ...] = points_field()
 
     @classmethod
     def drives(cls, _values: Mapping[str, object]) -> tuple[tuple[str, ...], str]:
@@ -278,7 +280,7 @@ class WindPump(Mechanism):
                 Link.turning('rod', rod, 2, B),
                 Link('slider', slider.mass, 0.0, D, slides=True),
             ),
-            {'A0': A0, 'A': A, 'B': B, 'D': D, **coupler_point(coupler, A)},
+            {'A0': A0, 'A': A, 'B': B, 'D': D},
             closure=D,
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2), Pin('D', 2, 3)),
             dyads=((1, 2),),

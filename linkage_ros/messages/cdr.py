@@ -278,6 +278,27 @@ def decode_wrench(data: bytes) -> tuple[str, float, float]:
         raise ValueError('its bytes are not a WrenchStamped') from error
 
 
+def decode_point(data: bytes) -> tuple[int, tuple[float, ...]]:
+    """Decodes an untrusted PointStamped.
+
+    Args:
+        data: CDR bytes of the message, little endian.
+
+    Returns:
+        The stamp, ns, and the coordinates x, y and z, m.
+
+    Raises:
+        ValueError: The bytes are not a PointStamped, or the message is too large.
+    """
+    body = _body(data, 'PointStamped')
+    try:
+        _, at = _sequence(body, STAMP.size, 's')  # the frame
+        place = struct.unpack_from('<3d', body, at + -at % 8)
+    except (struct.error, ValueError) as error:
+        raise ValueError('its bytes are not a PointStamped') from error
+    return stamp_of(data), place
+
+
 def _body(data: bytes, kind: str) -> bytes:
     """Removes the encapsulation of an untrusted message.
 

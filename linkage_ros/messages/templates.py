@@ -17,19 +17,18 @@ from linkage_ros.messages.cdr import ENCAPSULATION, STAMP, align, count, header,
 from linkage_ros.messages.fields import STAMP_FIELDS, Field, Part, Template
 from linkage_ros.messages.joints import RobotJoint, joint_rows
 from linkage_ros.messages.topics import (
-    COUPLER_POINT,
     DRIVING_TORQUE,
     EFFORT_COMMANDS,
     JOINT_STATES,
     MECHANISM_STATE,
     Topic,
+    point_topic,
 )
 from linkage_ros.numeric import Real
 from linkage_ros.units import NS_PER_S
 
 ROOT_FRAME = 'base_link'
 QUANTITIES = ('position', 'velocity', 'acceleration', 'effort')
-POINT_FIELDS = Field('point.x', 'd'), Field('point.y', 'd')
 
 # A trajectory point: four sequences of one number each, aligned to 8 bytes, and a duration.
 _POINT = struct.Struct('<' + 4 * 'I4xd' + 'iI')
@@ -79,10 +78,16 @@ def trajectory(names: Sequence[str], frame_id: str) -> list[Part]:
     return [*_sequences(count(_named(names, frame_id), 1), names, QUANTITIES), bytes(8)]
 
 
-def point(frame_id: str) -> list[Part]:
-    """Returns the template of a PointStamped message with z = 0."""
+def point_numbers(name: str) -> list[str]:
+    """Returns the names of the numbers in the message of a traced point."""
+    return [f'point.{axis}[{name}]' for axis in 'xy']
+
+
+def point(name: str, frame_id: str) -> list[Part]:
+    """Returns the template of a PointStamped message with z = 0, of a traced point."""
     body = align(header(frame_id), 8)[STAMP.size :]
-    return [ENCAPSULATION, *STAMP_FIELDS, body, *POINT_FIELDS, bytes(8)]
+    fields = (Field(number, 'd') for number in point_numbers(name))
+    return [ENCAPSULATION, *STAMP_FIELDS, body, *fields, bytes(8)]
 
 
 def float64(name: str) -> list[Part]:
@@ -131,10 +136,9 @@ class StateTemplates:
         # A joint that is not published still has numbers, of which no message has a field.
         every = [joint.name or f'{i}, not published' for i, joint in enumerate(joints)]
         self.names = [field.name for field in STAMP_FIELDS] + joint_numbers(every)
-        shown = [point for name, point in structure.points.items() if name == 'C']
-        if shown:
-            self.parts[COUPLER_POINT] = point(frame_id)
-            self.names += [field.name for field in POINT_FIELDS]
+        for name in structure.traced:
+            self.parts[point_topic(name)] = point(name, frame_id)
+            self.names += point_numbers(name)
         if effort_topic:
             topic = EFFORT_COMMANDS._replace(name=effort_topic)
             self.parts[topic] = float64_array('torque ahead')
@@ -149,7 +153,7 @@ class StateTemplates:
             self.slices[topic] = slice(start, end)
             start = end
         self._ratio = driven.ratio
-        self._program = _program_of_numbers(structure, joints, shown)
+        self._program = _program_of_numbers(structure, joints)
 
     def numbers(
         self, state: State, unwrapped: Real, ahead: State | None = None, *, stacked: bool = False
@@ -176,11 +180,10 @@ class StateTemplates:
         return self._template.pack(*divmod(stamp, NS_PER_S), *numbers)
 
 
-def _program_of_numbers(
-    structure: Structure, joints: Sequence[RobotJoint], points: Sequence[Point]
-) -> Program:
+def _program_of_numbers(structure: Structure, joints: Sequence[RobotJoint]) -> Program:
     """Returns the program of `_numbers`."""
-    constants = Constants((structure.links, tuple(joints), structure.driven, tuple(points)))
+    points = tuple(structure.points[name] for name in structure.traced)
+    constants = Constants((structure.links, tuple(joints), structure.driven, points))
     position, velocity, acceleration = (
         tuple(f'{word}_{link.name}' for link in structure.links)
         for word in ('position', 'velocity', 'acceleration')

@@ -156,8 +156,10 @@ MECHANISM_STATE = Topic(
     JOINT_TRAJECTORY,
     meaning='the same joints with accelerations, as one point',
 )
-COUPLER_POINT = Topic(
-    'coupler_point', POINT_STAMPED, meaning='position of `coupler.point`, where it is set'
+POINTS = Topic(
+    'points/NAME',
+    POINT_STAMPED,
+    meaning='position of the traced point `points.NAME`, one topic each',
 )
 DIAGNOSTICS = Topic(
     '/diagnostics',
@@ -171,7 +173,7 @@ TOPICS = (
     JOINT_STATES,
     DRIVING_TORQUE,
     MECHANISM_STATE,
-    COUPLER_POINT,
+    POINTS,
     DIAGNOSTICS,
     ROBOT_DESCRIPTION,
 )
@@ -215,6 +217,11 @@ WRENCHES = Topic(
     meaning='best effort: the force of a load of kind `force`, from the next state on',
     parameter='wrench_topic',
 )
+
+
+def point_topic(name: str) -> Topic:
+    """Returns the topic of a traced point."""
+    return POINTS._replace(name=f'points/{name}')
 
 
 def qualified(topic: Topic) -> str:

@@ -261,7 +261,7 @@ def to_strings(configuration: Configuration) -> dict[str, str]:
 
 
 def from_strings(strings: Mapping[str, str]) -> Configuration:
-    """Restores a configuration from `to_strings`, also of version 1, with other names of loads.
+    """Restores a configuration from `to_strings`, also of version 1, with other names.
 
     Args:
         strings: JSON strings by parameter name.

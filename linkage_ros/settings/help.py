@@ -9,6 +9,7 @@ from dataclasses import MISSING, replace
 
 from linkage_ros import cli
 from linkage_ros.mechanism.loads import LOADS
+from linkage_ros.mechanism.points import TracedPoint
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.quantities import Leaf, leaves
@@ -55,6 +56,8 @@ def help_on_every_kind() -> str:
         found = parameter_leaves(replace(usual, **{name: value}))
         parts.append(f'also, with {name}: {value}:')
         parts.append(help_on(leaf for leaf in found if leaf.name not in known))
+    parts.append('also, any number of traced points, by names of your own:')
+    parts.append(help_on(leaves(TracedPoint, 'points.NAME.')))
     for kind, cls in LOADS.items():
         parts.append(f'also, any number of loads, by names of your own, with kind: {kind}:')
         parts.append(help_on(leaves(cls, 'loads.NAME.')))

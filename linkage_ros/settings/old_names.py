@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Names of loads before version 2.0, and the loads that replace them.
+"""Names of loads and of the coupler point before version 2.0, and what replaces them.
 
 Such names are refused in parameter files, but converted in logs.
 """
@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeAlias
 
 from linkage_ros.errors import ConfigurationError, shortened
-from linkage_ros.mechanism.loads.base import LOAD_NAME
+from linkage_ros.quantities import NAME
 
-Loads: TypeAlias = dict[str, dict[str, Any]]  # parameters of loads by name
+Members: TypeAlias = dict[str, dict[str, Any]]  # parameters of loads or points by name
 
 
 class _OldLoad(NamedTuple):
@@ -44,6 +44,8 @@ _OLD_LOADS = (
     _OldLoad(r'load\.(?P<parameter>\w+)', 'curve', 'work'),
     _OldLoad(r'friction\.(?P<parameter>\w+)', 'friction', 'friction'),
 )
+_OLD_POINT = 'coupler.point'
+_POINT = 'coupler_point'  # name of the traced point that replaces it
 _ACTING = 'force', 'damping', 'stiffness'  # without these, a load of kind link is 0
 _FIRST = 'A_'  # begins names that must sort before usual names
 _LONGEST = 200  # characters of the list of old names
@@ -53,28 +55,30 @@ _NO_TEXT = {'y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false', 'null'}
 
 def has_old_names(values: Mapping[str, object]) -> bool:
     """Returns whether parameters contain names that version 2.0 replaced."""
-    return any(_old_load(name) for name in values)
+    return any(map(_is_old, values))
 
 
 def with_new_names(values: Mapping[str, object]) -> dict[str, object]:
-    """Replaces old names of loads.
+    """Replaces old names.
 
     Args:
         values: Values by dotted parameter name.
 
     Returns:
-        The values with the same loads, whose forces are added in the same order.
+        The values with the same points and loads, whose forces are added in the same order.
     """
-    kept = {name: value for name, value in values.items() if not _old_load(name)}
+    kept = {name: value for name, value in values.items() if not _is_old(name)}
+    sections = {'loads': _converted(values), 'points': _converted_point(values)}
     return kept | {
-        f'loads.{name}.{parameter}': value
-        for name, load in _converted(values).items()
-        for parameter, value in load.items()
+        f'{section}.{name}.{parameter}': value
+        for section, members in sections.items()
+        for name, member in members.items()
+        for parameter, value in member.items()
     }
 
 
 def refuse_old_names(values: Mapping[str, object]) -> None:
-    """Rejects parameters with old names of loads.
+    """Rejects parameters with old names.
 
     Args:
         values: Values by dotted parameter name.
@@ -82,33 +86,43 @@ def refuse_old_names(values: Mapping[str, object]) -> None:
     Raises:
         ConfigurationError: There is an old name. The error ends with the lines to write instead.
     """
-    old = [name for name in values if _old_load(name)]
+    old = [name for name in values if _is_old(name)]
     if not old:
         return
-    present = _present_loads(values)
-    loads, names = _converted(values) | present, shortened(', '.join(old), _LONGEST)
-    if not loads:
+    names = shortened(', '.join(old), _LONGEST)
+    converted = {'loads': _converted(values), 'points': _converted_point(values)}
+    changed = {section: members for section, members in converted.items() if members}
+    if not changed:
         raise ConfigurationError(f'{names}: version 2.0 has no such parameters; leave them out')
-    section = ' and the section loads' if present else ''
+    present = {section: _present(section, values) for section in changed}
+    replaced = ''.join(f' and the section {x}' for x, members in present.items() if members)
+    words = {'loads': 'each load is below loads', 'points': 'each traced point is below points'}
+    order = ' (the order of the names is the order in which forces are added)'
     error = ConfigurationError(
-        f'{names}: since version 2.0, each load is below loads, by a name of your own; replace '
-        f'these parameters{section} with the lines below (the order of the names is the order in '
-        'which forces are added)'
+        f'{names}: since version 2.0, {" and ".join(words[x] for x in changed)}, by a name of '
+        f'your own; replace these parameters{replaced} with the lines below'
+        f'{order if "loads" in changed else ""}'
     )
-    error.lines = _as_yaml(loads)
+    error.lines = '\n'.join(_as_yaml(x, members | present[x]) for x, members in changed.items())
     raise error
 
 
 def new_name(name: str) -> str:
-    """Returns the present name of a parameter, in which NAME stands for the name of a load.
+    """Returns the present name of a parameter, in which NAME stands for a name of a user.
 
     Returns:
         The name; empty if it has not changed.
     """
+    if name.startswith(_OLD_POINT):
+        return name.replace(_OLD_POINT, 'points.NAME.at')
     if not (found := _old_load(name)):
         return ''
     old, match = found
     return f'loads.NAME.{old.parameters.get(match["parameter"], match["parameter"])}'
+
+
+def _is_old(name: str) -> bool:
+    return name == _OLD_POINT or _old_load(name) is not None
 
 
 def _old_load(name: str) -> tuple[_OldLoad, re.Match[str]] | None:
@@ -119,9 +133,16 @@ def _old_load(name: str) -> tuple[_OldLoad, re.Match[str]] | None:
     return None
 
 
-def _converted(values: Mapping[str, object]) -> Loads:
+def _converted_point(values: Mapping[str, object]) -> Members:
+    """Returns the traced point that replaces a coupler point."""
+    if _OLD_POINT not in values:
+        return {}
+    return {_POINT: {'link': 'coupler', 'at': values[_OLD_POINT]}}
+
+
+def _converted(values: Mapping[str, object]) -> Members:
     """Returns the loads that replace old names, by names that keep their order in sums."""
-    found = Loads()
+    found = Members()
     for old in _OLD_LOADS:
         for name, value in values.items():
             if match := re.fullmatch(old.pattern, name):
@@ -130,19 +151,19 @@ def _converted(values: Mapping[str, object]) -> Loads:
                 load = found.setdefault(old.name.format(link=link), own)
                 load[old.parameters.get(parameter, parameter)] = value
     found = {name: load for name, load in found.items() if _acts(load)}
-    names = [*found, *sorted(_present_loads(values))]
+    names = [*found, *sorted(_present('loads', values))]
     summed = [name for name in names if name != 'friction']  # friction acts in joints
     if summed != sorted(summed) or len({*names}) < len(names):
         return {f'{_FIRST}{name}': load for name, load in found.items()}
     return found
 
 
-def _present_loads(values: Mapping[str, object]) -> Loads:
-    """Returns the loads with present names."""
-    found = Loads()
+def _present(section: str, values: Mapping[str, object]) -> Members:
+    """Returns the loads or points with present names."""
+    found = Members()
     for key, value in values.items():
-        section, *parts = key.split('.', 2)
-        if section == 'loads' and len(parts) == 2:
+        first, *parts = key.split('.', 2)
+        if first == section and len(parts) == 2:
             name, parameter = parts
             found.setdefault(name, {})[parameter] = value
     return found
@@ -157,14 +178,14 @@ def _text(value: Any) -> str:
     """Writes a value as YAML."""
     if hasattr(value, 'tolist'):
         value = value.tolist()
-    is_word = isinstance(value, str) and re.fullmatch(LOAD_NAME, value)
+    is_word = isinstance(value, str) and re.fullmatch(NAME, value)
     return str(value) if is_word and value.lower() not in _NO_TEXT else json.dumps(value)
 
 
-def _as_yaml(loads: Loads) -> str:
-    """Writes loads as a section of a parameter file, indented as below `ros__parameters`."""
+def _as_yaml(section: str, members: Members) -> str:
+    """Writes a section of a parameter file, indented as below `ros__parameters`."""
     rows = (
         f'      {name}: {{{", ".join(f"{x}: {_text(y)}" for x, y in load.items())}}}'
-        for name, load in sorted(loads.items())
+        for name, load in sorted(members.items())
     )
-    return '\n'.join(('    loads:', *rows))
+    return '\n'.join((f'    {section}:', *rows))

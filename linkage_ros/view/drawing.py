@@ -69,8 +69,9 @@ class Drawing:
         owners: Names of the links that own the moving points, by point; the path of a point has
             the colour of its owner. Points on the circle of the crank pin have no owner.
         loaded: Names of the arrows of the loads; see `LoadArrows`.
-        paths: Closed paths of the output links' pins and of the coupler point C, by the name of
-            the owner; shape (n, 2), m. Empty for a mechanism with a free slider.
+        traced: Those of the moving points that are traced, or at a traced point.
+        paths: Closed paths of the output links' pins and of the traced points, by point; shape
+            (n, 2), m. Empty for a mechanism with a free slider.
         ground: Drawing of the fixed link, lines of shape (n, 2), m.
         scale: A scale bar below the drawing, a line of shape (4, 2), m.
         scale_length: Length of the scale bar, m.
@@ -97,9 +98,7 @@ class Drawing:
         in_reach = np.concatenate([self.pivots, swept.reshape(-1, 2)])
         self._mark = _MARK * np.ptp(in_reach, axis=0).max()
         self.paths = {
-            link: swept[:, self.pins.index(pin)]
-            for pin, link in self.owners.items()
-            if mechanism.reach()
+            pin: swept[:, self.pins.index(pin)] for pin in self.owners if mechanism.reach()
         }
         self._connect(asides, self._hidden(mechanism, positions))
         self.ground = self._ground(swept)
@@ -130,7 +129,7 @@ class Drawing:
         output = self._links[last]
         loop = _pins_of_the_loop(structure)
         self.ends = dict(zip(self.turning, pairwise(loop), strict=False))
-        # The owner of a pin between two links is the later link; C belongs to the coupler.
+        # The owner of a pin between two links is the later link.
         self.owners = dict(zip(loop[2:], self.joints[2 : last + 1], strict=False))
         if output.slides and not output.is_guided:
             barrel, mouth = self._links[cast('int', output.parent)].name, structure.mouth
@@ -146,9 +145,11 @@ class Drawing:
         for name in self.pins:
             if name not in known:
                 *_, link = np.flatnonzero(structure.points[name].weights)
-                asides[name] = self.joints[link]
-        if 'C' in asides:
-            self.owners['C'] = asides['C']
+                asides[name] = structure.traced.get(name, self.joints[link])
+        # A traced point at a pin is that pin.
+        links = {self._names[structure.points[x]]: link for x, link in structure.traced.items()}
+        self.traced = tuple(name for name in links if name in self.pins)
+        self.owners |= {name: links[name] for name in self.traced if name not in self.owners}
         return asides
 
     def _ground(self, swept: Array) -> list[Array]:
@@ -273,7 +274,11 @@ class Drawing:
         for j, pin in self._blocks.items():
             first, number = names.index(f'{j} 0'), self.pins.index(pin)
             outline = _OUTLINE if self._links[j].is_guided else _ON_A_ROD
-            self._corners[self.joints[j]] = [first + i for i in outline]
+            corners = [first + i for i in outline]
+            for point in (x for x, owner in asides.items() if owner == self.joints[j]):
+                corners += [number, names.index(point)]
+                sides += [(number, corners[-1]), (corners[-1], number)]
+            self._corners[self.joints[j]] = corners
             sides += [(number, corner) for corner in range(first + 4, first + 7)]
             distances[number] = _LABEL_BEYOND_BLOCK
         ways = [[end for start, end in sides if start == pin] for pin in range(len(self.pins))]
@@ -298,8 +303,8 @@ class Drawing:
             points: Points from `place`, shape (n, pins, 2), m.
 
         Returns:
-            Lines of shape (n, 2, 2), m, by the name of the link. A coupler with a coupler point is
-            a triangle, shape (n, 4, 2); a slider is a block, shape (n, 5, 2).
+            Lines of shape (n, k, 2), m, by the name of the link: its two pins, a polygon of its
+            pins and further points, or the block of a slider with a line to each further point.
         """
         corners = self._all_corners(points)
         return {link: corners[:, shape] for link, shape in self._corners.items()}

@@ -148,7 +148,7 @@ class RerunDrawing:
             _FIXED: [
                 rr.LineStrips2D(
                     [line.astype(np.float32) for line in fixed], radii=_THIN,
-                    colors=[GREY] * greys + [color_of(link) for link in drawing.paths],
+                    colors=[GREY] * greys + [color_of(drawing.owners[x]) for x in drawing.paths],
                 ),
                 _points([*drawing.pivot_labels, scale, *drawing.pivots],
                         [*drawing.pivot_names, f'{drawing.scale_length:g} m'],

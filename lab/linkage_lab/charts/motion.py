@@ -63,7 +63,7 @@ _DASHES = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
 _FORCES: dict[str, Color] = {
     'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': DARK,
     'guide': BLACK, 'force.x': BLACK, 'force.y': DARK, 'moment': BLACK, 'power': BLACK,
-    'torque': COLORS['crank'], 'force': COLORS['rod'], 'C.x': COLORS['coupler'], 'C.y': DARK,
+    'torque': COLORS['crank'], 'force': COLORS['rod'],
 }  # fmt: skip
 # Colours of the designs, in order.
 DESIGN_COLORS = (
@@ -321,8 +321,12 @@ def _panels(period: Period, show: Collection[str]) -> Iterator[_Panel]:
                 forces = [_curve(period, f'{name}.force.{x}', f'{name}.{x}') for x in 'xy']
                 yield _Panel(f'Force {name}, N', forces)
         elif quantity == 'point':
-            point = [name for name in columns if name.startswith('coupler_point.position')]
-            yield from _by_unit([_curve(period, x, f'C.{x[-1]}') for x in point], 'Coupler point')
+            for name, link in period.solver.structure.traced.items():
+                x, y = (_curve(period, f'{name}.position.{x}', f'{name}.{x}') for x in 'xy')
+                yield _Panel(
+                    f'Point {name}, m',
+                    [x._replace(color=color_of(link)), y._replace(color=DARK)],
+                )
         else:
             is_known = period.across is not OVER_TIME and (even or quantity == 'position')
             shown = [link for link in links if not (is_known and link == driven)]

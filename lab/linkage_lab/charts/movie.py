@@ -80,7 +80,7 @@ class LinkagePicture:
             self._plot(line, GREY, linewidth=0.9)
         for pin, owner in drawing.owners.items():
             path = self._tracks[:, drawing.pins.index(pin)]
-            self._plot(path, color_of(owner), linewidth=1.3 if pin == 'C' else 0.8)
+            self._plot(path, color_of(owner), linewidth=1.3 if pin in drawing.traced else 0.8)
         shown = self._tracks[list(samples)]
         self._links = {
             link: self._plot(lines.reshape(-1, 2), color_of(link), linewidth=2.6)

@@ -59,8 +59,9 @@ class Task(NamedTuple):
         names: The parameters in which designs differ.
         measures: Names of the measures.
         angles: Number of crank angles in a turn, or of samples of a motion within an arc.
-        points: Points that the coupler point should pass through, x + iy, m.
+        points: Points that the traced point should pass through, x + iy, m.
         way: Motion of the crank; None for whole turns at a constant speed.
+        point: Name of the traced point.
     """
 
     mechanism: Mechanism
@@ -70,6 +71,7 @@ class Task(NamedTuple):
     angles: int
     points: tuple[complex, ...] = ()
     way: Way | None = None
+    point: str = ''
 
     @property
     def drives_slide(self) -> bool:
@@ -224,8 +226,8 @@ _TRANSMISSION = Need(
     lambda task: (reach := task.mechanism.reach()) is not None and reach.transmission is not None,
 )
 _POINTS = Need(
-    'coupler.point, and points: [x, y, ...]',
-    lambda task: bool(task.points) and 'C' in task.mechanism.structure().points,
+    'a traced point in the base, and points: [x, y, ...]',
+    lambda task: bool(task.points) and bool(task.point),
 )
 
 
@@ -314,9 +316,9 @@ def transmission_angle(run: Run) -> float:
 
 @measure('m', _POINTS, _WHOLE_TURNS)
 def point_distance(run: Run) -> float:
-    """Computes the largest distance of the given points from the coupler point's path."""
+    """Computes the largest distance of the given points from the path of the traced point."""
     solver, points = run.solver, np.array(run.task.points)
-    constants = Constants((solver.model.loop, solver.structure.points['C']))
+    constants = Constants((solver.model.loop, solver.structure.points[run.task.point]))
     motion = Program(_path_motion, constants, ('crank_angle',))
     turns, step = solver.reach.period_turns, math.tau / run.task.angles
     crank = (np.arange(turns * run.task.angles) + 0.5) * step
@@ -346,7 +348,7 @@ def _torque_and_force(model: Any, q: Any, u: Any, a: Any = ()) -> tuple[Real, ..
 
 
 def _path_motion(constants: Any, angle: Real) -> tuple[Real, ...]:
-    """Computes the coupler point's position and its derivatives with respect to the angle, m."""
+    """Computes a point's position and its derivatives with respect to the angle, m."""
     loop, point = constants
     links = loop.pose((angle,)).links
     found = point.motion(

@@ -36,7 +36,8 @@ class Settings(Checked):
         speed: Speed of a driven slide, m/s, instead of `rpm`.
         swing: Crank angles between which the crank moves at this speed, rad; None for the law of
             the base or, if it has none, whole turns.
-        points: Points that the coupler point should pass through, as x, y, x, y, ..., m.
+        point: Name of a traced point of the base; None for its only one.
+        points: Points that the traced point should pass through, as x, y, x, y, ..., m.
     """
 
     base: str = quantity('text', 'preset, or parameter file, of the mechanism')
@@ -55,9 +56,10 @@ class Settings(Checked):
         'pair', 'crank angles between which the crank moves, or positions of a driven slide',
         'rad or m', span=(-1e6, 1e6), default=None,
     )  # fmt: skip
+    point: str | None = quantity('text', 'traced point of the base', default=None)
     points: tuple[float, ...] | None = quantity(
         'list',
-        'points that the coupler point should pass through',
+        'points that the traced point should pass through',
         'm',
         span=(-1e9, 1e9),
         default=None,
@@ -120,8 +122,9 @@ def read_study(path: str) -> Study:
     names, points = tuple(leaf.name for leaf in columns), settings.points or ()
     places = tuple(map(complex, points[::2], points[1::2]))
     way = _way(settings, configuration.drive, joint)
+    point = _point(settings, mechanism)
     chosen = tuple(dict.fromkeys(measures))
-    task = Task(mechanism, speed, names, chosen, settings.angles, places, way)
+    task = Task(mechanism, speed, names, chosen, settings.angles, places, way, point)
     for name in measures:
         if not MEASURES[name].applies(task):
             raise ConfigurationError(f'measure {name}: needs {MEASURES[name].words}')
@@ -145,6 +148,23 @@ def _speed(settings: Settings, drive: Any, joint: Any) -> float | None:
         )
     given = settings.speed if joint.slides else settings.rpm
     return getattr(drive, RPM, None) if given is None else given
+
+
+def _point(settings: Settings, mechanism: Mechanism) -> str:
+    """Returns the name of the traced point for `points`; empty if there is none.
+
+    Raises:
+        ConfigurationError: The base has no such point, or several of which none is chosen.
+    """
+    names = [point.name for point in mechanism.points]
+    if settings.points and len(names) > 1 and settings.point is None:
+        raise ConfigurationError(f'points: give point, one of {", ".join(names)}, to pass through')
+    if settings.point is not None and settings.point not in names:
+        raise ConfigurationError(
+            f'point = {shown(settings.point)}: must be one of the traced points of the base'
+            + (f', {", ".join(names)}' if names else ', which has none')
+        )
+    return settings.point or (names[0] if names else '')
 
 
 def _way(settings: Settings, drive: Any, joint: Any) -> Way | None:
@@ -223,7 +243,7 @@ def _columns(
 
 
 def _unknown(name: str, owner: str, valid: Iterable[str]) -> str:
-    hint = f'write {new}, with the name of a load of the base' if (new := new_name(name)) else ''
+    hint = f'write {new}, with a name of the base' if (new := new_name(name)) else ''
     return (
         f'{shown(name)} is not a parameter of {owner}: {hint or "choose from " + ", ".join(valid)}'
     )

@@ -9,20 +9,16 @@ which ZERO replaces absent terms.
 """
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Protocol
 
-from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import where
 from linkage_ros.mechanism.kinematics import LinkPose, Stroke
 from linkage_ros.mechanism.structure import Link, Pin, Structure
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Real
-from linkage_ros.quantities import Checked, shown, unlisted
-
-LOAD_NAME = '[A-Za-z_][A-Za-z0-9_]*'  # regular expression
+from linkage_ros.quantities import Checked, require_name, unlisted
 
 
 class LoadedMechanism(Protocol):
@@ -140,11 +136,8 @@ class AppliedLoad(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.name and not re.fullmatch(LOAD_NAME, self.name):
-            raise ConfigurationError(
-                f'load {shown(self.name)}: its name must be letters, digits and underscores, and '
-                'not begin with a digit'
-            )
+        if self.name:
+            require_name('load', self.name)
 
     @property
     def label(self) -> str:

@@ -1,0 +1,263 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Traced points: of any link, of any mechanism, in states, records, tables and refusals."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mechanisms import ALL, moving, traced
+from ros_harness import report_of
+
+from linkage_ros import (
+    Barrel,
+    Body,
+    ConfigurationError,
+    Coupler,
+    Dyad,
+    DyadSlider,
+    FourBar,
+    Frame,
+    Guide,
+    Rod,
+    Solver,
+    TracedPoint,
+    load,
+    preset_names,
+    read_log,
+)
+from linkage_ros.formulas import ZERO
+from linkage_ros.log import tables
+from linkage_ros.log.reader import LogReader
+from linkage_ros.mechanism.axes import axes_of
+from linkage_ros.messages.topics import POINT_STAMPED
+from linkage_ros.motion.steps import record_steps
+from linkage_ros.programs.record import record
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure
+
+# Long enough for every mechanism of ALL: a link and a slider on the frame, two links, a link and a
+# slider on a moving link, and a barrel and a rod.
+REACHING = {'first': Body(9.0), 'from_at': (0.2, 0.1)}
+ADDED = (
+    Dyad(name='a', from_='crank', slider=DyadSlider(at=(0.3, -0.2), angle=0.4), **REACHING),
+    Dyad(name='b', from_='a_first', to='a_slider', second=Body(9.5), **REACHING),
+    Dyad(
+        name='c',
+        from_='b_second',
+        first=Body(25.0),
+        slider=DyadSlider(at=(0.3, -0.2), angle=0.4, on='crank'),
+    ),
+    Dyad(name='d', from_='c_slider', to='frame', barrel=Barrel(), rod=Rod(), offset=0.1),
+)
+MECHANISMS = {
+    **{f'{name} with dyads': traced(replace(x, dyads=ADDED)) for name, x in ALL.items()},
+    **{name: load(name).mechanism for name in preset_names()},
+}
+DYAD_PARTS = 'first', 'second', 'slider', 'barrel', 'rod'
+AT = (0.0, 0.0), (0.35, -0.8), (-0.2, 0.45)
+SPEED, ACCELERATION, STEP = 2.0, 1.5, 1e-5  # of the coordinates, rad/s and rad/s^2; s
+CRANK = 0.9  # rad; no mechanism is near the end of its arc, or at a change point
+
+
+def on_every_link(mechanism):
+    """Gives each link three points."""
+    links = [link.name for link in mechanism.structure().links]
+    points = [
+        TracedPoint(f'{link}_{number}', link, at) for link in links for number, at in enumerate(AT)
+    ]
+    return replace(mechanism, points=points)
+
+
+def complexes(motion):
+    """Returns position, velocity and acceleration as complex numbers."""
+    return [complex(float(x), float(y)) for x, y in motion]
+
+
+def coordinates(solver):
+    """Returns coordinates, rates and accelerations at CRANK."""
+    state = moving(solver, CRANK, SPEED, ACCELERATION)
+    places = [solver.links.index(name) for name in solver.coordinates]
+    return [np.array([rows[j] for j in places]) for rows in state[:3]]
+
+
+def near(solver, time):
+    """Returns the state at a time of a motion at constant accelerations."""
+    q, u, a = coordinates(solver)
+    rows = q + (u + 0.5 * a * time) * time, u + a * time, a
+    return solver.state(*(row.tolist() if len(row) > 1 else float(row[0]) for row in rows))
+
+
+@pytest.mark.parametrize('mechanism', MECHANISMS.values(), ids=MECHANISMS)
+def test_motion_of_every_point_is_that_of_its_rigid_link(mechanism):
+    solver = Solver(on_every_link(mechanism))
+    before, now, after = (near(solver, time) for time in (-STEP, 0.0, STEP))
+    links = solver.structure.links
+    for j, link in enumerate(links):
+        turning, guide = axes_of(links, j)
+        spin, change = (0.0, 0.0) if turning is None else (
+            float(rows[turning]) for rows in (now.velocity, now.acceleration)
+        )  # fmt: skip
+        names = [f'{link.name}_{number}' for number in range(len(AT))]
+        pin, *others = (complexes(solver.point(now, name)) for name in names)
+        for name, at, found in zip(names[1:], AT[1:], others, strict=True):
+            # Rigid-body kinematics from the link's pin.
+            arm = found[0] - pin[0]
+            assert abs(arm) == pytest.approx(math.hypot(*at), rel=1e-12)
+            size = abs(pin[2]) + (spin**2 + abs(change) + 1.0) * abs(arm)
+            assert abs(found[1] - pin[1] - 1j * spin * arm) < 1e-12 * size
+            assert abs(found[2] - pin[2] - (1j * change - spin**2) * arm) < 1e-12 * size
+            angle = guide or 0.0
+            if turning is not None:
+                angle += float(now.position[turning])
+            assert abs(arm / complex(*at) - np.exp(1j * angle)) < 1e-12
+            # Central differences.
+            back, ahead = (complexes(solver.point(state, name)) for state in (before, after))
+            for order in (0, 1):
+                slope = (ahead[order] - back[order]) / (2 * STEP)
+                assert abs(found[order + 1] - slope) < 1e-6 * size
+    assert solver.links == tuple(link.name for link in links)
+
+
+def mirrored(mechanism):
+    """Mirrors a mechanism about the x axis."""
+
+    def flipped(part):
+        changed = {
+            name: (x, -y) for name in ('center', 'at') for x, y in [getattr(part, name, (0, 0))]
+            if hasattr(part, name)
+        }  # fmt: skip
+        changed |= {name: -getattr(part, name) for name in ('angle', 'offset')
+                    if hasattr(part, name)}  # fmt: skip
+        return replace(part, **changed)
+
+    def other(assembly):
+        return {'open': 'crossed', 'crossed': 'open'}[assembly]
+
+    parts = {
+        name: flipped(part) for name, part in vars(mechanism).items()
+        if isinstance(part, (Body, Frame, Guide)) or name in {'slider', 'barrel', 'rod'}
+    }  # fmt: skip
+    dyads = [
+        replace(
+            dyad, **{name: flipped(part) for name, part in vars(dyad).items()
+                     if name in DYAD_PARTS and part},
+            from_at=(dyad.from_at[0], -dyad.from_at[1]),
+            to_at=dyad.to_at and (dyad.to_at[0], -dyad.to_at[1]), offset=-dyad.offset,
+            # A slider stays on the + side of its link; a barrel has only one assembly.
+            assembly=other(dyad.assembly) if dyad.second else dyad.assembly,
+        )
+        for dyad in mechanism.dyads
+    ]  # fmt: skip
+    rest = {'offset': -mechanism.offset} if hasattr(mechanism, 'offset') else {}
+    # The mirrored crank is beyond a change point at 0, where the side changes.
+    is_beyond = isinstance(mechanism, FourBar) and mechanism.loop().transmission.sin.least is ZERO
+    is_told = getattr(mechanism, 'input', '') != 'crank'
+    if is_told and not is_beyond:
+        rest['assembly'] = other(mechanism.assembly)
+    x, y = mechanism.gravity
+    points = [flipped(point) for point in mechanism.points]
+    return replace(
+        mechanism, loads=(), dyads=dyads, points=points, gravity=(x, -y), **parts, **rest
+    )
+
+
+@pytest.mark.parametrize('mechanism', MECHANISMS.values(), ids=MECHANISMS)
+def test_mirrored_mechanism_has_mirrored_points(mechanism):
+    solver = Solver(replace(on_every_link(mechanism), loads=()))
+    other = Solver(mirrored(solver.mechanism))
+    state, rows = near(solver, 0.0), coordinates(solver)
+    links = dict(zip(solver.links, solver.structure.links, strict=True))
+    signs = [1.0 if links[name].slides else -1.0 for name in solver.coordinates]
+    image = other.state(
+        *((row * signs).tolist() if len(row) > 1 else float(row[0] * signs[0]) for row in rows)
+    )
+    for name in solver.structure.traced:
+        for one, two in zip(solver.point(state, name), other.point(image, name), strict=True):
+            size = abs(complex(*one)) + 1.0
+            assert abs(complex(*one) - complex(*two).conjugate()) < 1e-11 * size, name
+
+
+@pytest.mark.parametrize('preset', preset_names())
+def test_record_holds_every_point_to_the_bit(preset, tmp_path):
+    mechanism = on_every_link(load(preset).mechanism)
+    configuration = replace(load(preset), mechanism=mechanism)
+    path, table = tmp_path / 'run.mcap', tmp_path / 'run.csv'
+    record(configuration, path, duration=0.1)
+    report = report_of(path)
+    assert report.difference == ''
+    topics = {f'/points/{name}' for name in mechanism.structure().traced}
+    assert topics <= {*report.compared}
+    log = LogReader(path)
+    assert log.configuration.mechanism == mechanism
+    assert {x.name: x.role for x in log.topics if x.type == POINT_STAMPED.name} == {
+        topic: topic[1:] for topic in topics
+    }
+    simulator, found = Simulator(configuration), read_log(path)
+    solver, motion = simulator.solver, simulator.begin(0, record_steps)
+    stamps = np.round(found['/joint_states']['t'] * 1e9).astype(int).tolist()
+    assert len(stamps) == round(0.1 * configuration.session.rate_hz)
+    states = simulator.state(motion.at_all(stamps))
+    for topic in topics:
+        place = solver.point(states, topic.removeprefix('/points/')).position
+        for axis, due in zip('xy', place, strict=True):
+            assert found[topic][axis].tolist() == np.broadcast_to(due, len(stamps)).tolist()
+    tables.write_csv(path, table)
+    head, *rows = (line.split(',') for line in table.read_text().splitlines())
+    for topic in topics:
+        column = head.index(f'{topic.removeprefix("/points/")}.x [m]')
+        assert [float(row[column]) for row in rows] == found[topic]['x'].tolist()
+
+
+QUADRILATERAL = load('quadrilateral').mechanism
+REFUSED = {
+    'of a pin': ([TracedPoint('B0', 'coupler')], "point 'B0': a link, a pin or another point"),
+    'of a link': ([TracedPoint('rocker', 'coupler')], "point 'rocker': a link"),
+    'of another point': ([TracedPoint('x', 'coupler'), TracedPoint('x', 'crank')], "point 'x'"),
+    'of the fixed link': ([TracedPoint('frame', 'coupler')], "point 'frame'"),
+    'an unknown link': (
+        [TracedPoint('x', 'couplr')],
+        "points.x.link = 'couplr': must be one of crank, coupler, rocker",
+    ),
+    'several': (
+        [TracedPoint('x', 'y'), TracedPoint('A', 'crank')],
+        "2 mistakes: (1) point 'A': a link, a pin or another point has this name",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(('points', 'words'), REFUSED.values(), ids=REFUSED)
+def test_points_that_do_not_fit_are_refused(points, words):
+    with pytest.raises(ConfigurationError) as refused:
+        replace(QUADRILATERAL, points=points)
+    assert str(refused.value).startswith(words)
+    assert '\n' not in str(refused.value)
+
+
+@pytest.mark.parametrize('name', ['', '1st', 'a b', 'a-b', 'é', 'a/b', None])
+def test_names_that_no_topic_can_have_are_refused(name):
+    with pytest.raises(ConfigurationError, match='must be letters, digits and underscores'):
+        TracedPoint(name, 'coupler')
+
+
+def test_order_of_points_does_not_matter():
+    points = [TracedPoint('b', 'crank'), TracedPoint('a', 'rocker', (0.1, 0.2))]
+    one, other = (replace(QUADRILATERAL, points=x) for x in (points, points[::-1]))
+    assert one == other
+    assert [*one.structure().traced] == ['a', 'b']
+
+
+def test_parameters_give_points():
+    values = {'points.foot.link': 'rocker', 'points.foot.at': [0.1, -0.2]}
+    found = configure({**load('quadrilateral').parameters(), **values})
+    assert found.mechanism.points[1:] == (TracedPoint('foot', 'rocker', (0.1, -0.2)),)
+    assert found.parameters().items() >= {**values, 'points.foot.at': (0.1, -0.2)}.items()
+
+
+def test_old_argument_of_a_coupler_is_refused_with_the_new_one():
+    with pytest.raises(ConfigurationError) as refused:
+        Coupler(0.3, point=(0.1, 0.05))
+    _, _, words = str(refused.value).partition('give it ')
+    new = eval(words.removeprefix('points='), {'TracedPoint': TracedPoint})
+    assert new == [TracedPoint('coupler_point', 'coupler', (0.1, 0.05))]
