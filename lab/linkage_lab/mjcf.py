@@ -49,10 +49,12 @@ def about_zeros(mechanism: Mechanism, start: State) -> list[str]:
     """
     values = flatten(replace(cast('Any', mechanism), loads=()))
     bodies = {link.joint.name: link for link in rigid_links(mechanism)}
+    guided = {link.name for link in mechanism.structure().links if link.is_guided}
     small, links = dict[str, object](), dict[str, None]()
     for name, value in values.items():
         link, _, what = name.removeprefix('dyads.').replace('.', '_').rpartition('_')
-        if what in {'mass', 'inertia'} and value == 0.0:
+        has_term = what == 'mass' or (what == 'inertia' and link not in guided)
+        if has_term and value == 0.0:
             small[name], links[link] = getattr(bodies[link], what), None
     if not small:
         return []
