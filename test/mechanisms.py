@@ -204,6 +204,7 @@ DRIVEN_SLIDERS = {
         ('limited', LIMITED['offset_left'], -2.0, 'open'),
         ('rotating_coupler', LIMITED['rotating_coupler'], 0.3, 'crossed'),
         ('equal_links', CHANGE_POINTS['both'], 0.3, 'open'),
+        ('equal_links_offset', (1, 1, 0.4), 0.3, 'crossed'),
         ('upper', CHANGE_POINTS['upper'], 1.2, 'crossed'),
         ('long_crank', LIMITED['lower_change_point'], 0.3, 'open'),
     )
@@ -582,6 +583,7 @@ def force_errors(solver, angles, speed=2.0, acceleration=1.5):
         pressing = {name: force for name, (force, _) in right.guides.items()}
         force = max(map(abs, (*right.pins.values(), *pressing.values())))
         moment = force * longest(mechanism)
+        effort = force if mechanism.structure().driven_link.slides else moment
         for got, exerted in (
             (solver.reactions(alone), solver.load_forces(alone)), (at(forces, i), row),
         ):  # fmt: skip
@@ -596,7 +598,7 @@ def force_errors(solver, angles, speed=2.0, acceleration=1.5):
                 max(pins) / force, max(guides, default=0) / force,
                 abs(mp.mpc(*got.shaking_force) - right.shaking[0]) / force,
                 abs(mp.mpf(got.shaking_moment) - right.shaking[1]) / moment,
-                abs(mp.mpf(got.torque) - right.torque) / moment,
+                abs(mp.mpf(got.torque) - right.torque) / effort,
                 pushed / most,
             )  # fmt: skip
             worst = [max(x, float(y)) for x, y in zip(worst, errors, strict=True)]

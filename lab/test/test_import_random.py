@@ -99,7 +99,10 @@ def imported(random, seed, tmp_path):
     robot = read_robot(path)
     if not is_cylinder:
         pose = {name: value + refs[name] for name, value in pose_of(made, own).items()}
-        return path, made.close, 'crank_motor', find_loop(robot, 'crank_motor', at=pose)
+        driven = 'crank_motor'
+        if 'slider' in made.joints and random.integers(2):
+            driven = made.joints['slider'][0]
+        return path, made.close, driven, find_loop(robot, driven, at=pose)
     driven = made.joints['rod' if cut == 'A0' or random.integers(2) else 'crank'][0]
     for _ in range(200):  # until the loop closes
         at = {name: random.uniform(-3, 3) for name in refs}

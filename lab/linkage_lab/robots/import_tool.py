@@ -227,7 +227,7 @@ def _parser() -> argparse.ArgumentParser:
         (('robot',), None, {'metavar': 'ROBOT', 'type': Path, 'help': 'URDF, SDF or MJCF file'}),
         (('--crank',), None, {
             'required': True, 'metavar': 'JOINT',
-            'help': 'the driven joint, on the frame, or a cylinder',
+            'help': 'the driven joint, on the frame, or a cylinder or slider',
         }),
         (('--close',), None, {
             'nargs': 2, 'metavar': ('TIP_LINK', 'PIN_LINK'),

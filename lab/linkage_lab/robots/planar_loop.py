@@ -450,7 +450,7 @@ def _the_loop(robot: Robot, tree: _Tree, crank: str, close: tuple[str, str] | No
 def _from_frame(tree: _Tree, cycle: list[_Pin], crank: str, frame: str) -> list[_Pin]:
     """Orders the pins of a loop from the frame on, so that the crank comes first.
 
-    A cylinder comes third: the crank is then on the frame, and carries the rod.
+    A driven cylinder comes third, a driven slider last: the crank is then on the frame.
 
     Raises:
         ConfigurationError: The loop is too long, or the crank is not on the frame.
@@ -471,8 +471,8 @@ def _from_frame(tree: _Tree, cycle: list[_Pin], crank: str, frame: str) -> list[
     start = bodies.index(fixed)
     ordered = cycle[start:] + cycle[:start]
     driven = next(pin for pin in ordered if pin.name == crank)
-    if driven.kind == PRISMATIC and driven in ordered[1:3]:
-        if driven is ordered[1]:
+    if driven.kind == PRISMATIC:
+        if driven in ordered[:2]:
             ordered = [pin.reversed() for pin in reversed(ordered)]
         return ordered
     if ordered[0].name != crank:
@@ -585,16 +585,13 @@ class _Planar:
         kinds = tuple(pin.kind for pin in self.cycle)
         if kinds in _KINDS:
             return _KINDS[kinds]
-        if kinds[0] == PRISMATIC:
-            problem = f'the crank {self.cycle[0].name} slides, but must turn'
-        else:
-            words = (f'{pin.name} {kind}' for pin, kind in zip(self.cycle, kinds, strict=True))
-            problem = (
-                f'the joints of the loop are {", ".join(words)}: a four_bar has 4 revolute ones, '
-                'a slider_crank has a prismatic one on the frame, an inverted_slider_crank a '
-                'prismatic one between two links, of which the crank carries the second'
-            )
-        raise ConfigurationError(f'{problem}; other loops cannot be imported')
+        words = (f'{pin.name} {kind}' for pin, kind in zip(self.cycle, kinds, strict=True))
+        raise ConfigurationError(
+            f'the joints of the loop are {", ".join(words)}: a four_bar has 4 revolute ones, '
+            'a slider_crank has a prismatic one on the frame, an inverted_slider_crank a '
+            'prismatic one between two links, of which the crank carries the second; other loops '
+            'cannot be imported'
+        )
 
     def _outwards(self, pin: _Pin) -> tuple[int, int]:
         """Returns the bodies of a pin, the one nearer to the frame in the cut loop first."""
@@ -695,6 +692,7 @@ class _Planar:
         if slides:
             guide, slide, offset = self._guide(B, B0, A0)
             values['frame.angle'], values['slider.offset'] = guide, _tidy(offset, size)
+            values['input'] = 'slider' if B0.name == self.driven else 'crank'
             zeros[output] = slide
         else:
             values['frame.length'] = _tidy(lengths[frame], size)
@@ -830,7 +828,8 @@ class _Planar:
         """
         given = {joint.name: self.values.get(joint.name, 0.0) for joint in joints.values()}
         crank = next(joint for joint in joints.values() if joint.name == self.driven)
-        is_crank = values.get('input') == 'crank'  # whose angle determines the assembly
+        # The angle of a cylinder's crank determines the assembly.
+        is_crank = self.is_cylinder and values['input'] == 'crank'
         own = crank.zero + given[crank.name] / crank.ratio
         size = max(value for name, value in values.items() if name.endswith('.length'))
         found = []
@@ -840,7 +839,8 @@ class _Planar:
             try:
                 state = solver.state(own, 0.0, 0.0)
             except UnreachableError as error:
-                turns = [math.tau * round((own - sum(arc) / 2) / math.tau) for arc in error.arcs]
+                turn = 0.0 if solver.reach.slides else math.tau
+                turns = [turn and turn * round((own - sum(x) / 2) / turn) for x in error.arcs]
                 reached = ' or '.join(
                     ' to '.join(f'{(x + turn - crank.zero) * crank.ratio:.6g}' for x in arc)
                     for arc, turn in zip(error.arcs, turns, strict=True)
