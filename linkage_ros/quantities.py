@@ -31,13 +31,13 @@ class Quantity:
     """The kind, meaning and range of a field.
 
     Attributes:
-        kind: 'number', 'whole', 'pair', 'list', 'choice', 'text' or 'switch'.
+        kind: 'number', 'whole', 'pair', 'list', 'choice', 'text', 'names' or 'switch'.
         meaning: One-line description for users.
         unit: Unit of the value; empty for dimensionless and non-numeric values.
         low: Smallest valid number, inclusive; also applies to each number of a pair or list.
         high: Largest valid number, inclusive; also applies to each number of a pair or list.
         choices: Valid values if the kind is 'choice'.
-        pattern: Regular expression that valid text matches; empty if any text is valid.
+        pattern: Regular expression that valid text, or each name, matches; empty if any is valid.
         live: Whether the value may change while the node runs.
     """
 
@@ -65,6 +65,7 @@ class Quantity:
             'list': f'a list of numbers from {self.span}',
             'choice': 'one of ' + ', '.join(self.choices),
             'text': f'text of the form {self.pattern}' if self.pattern else 'text',
+            'names': 'a list of names',
             'switch': 'true or false',
         }[self.kind]
 
@@ -76,7 +77,7 @@ class Quantity:
             value: Value to convert; integers are accepted as numbers, and lists as pairs.
 
         Returns:
-            The value as float, int, tuple of floats, str or bool.
+            The value as float, int, tuple of floats, str, tuple of str or bool.
 
         Raises:
             ConfigurationError: The value is of the wrong type or outside its range.
@@ -100,6 +101,10 @@ class Quantity:
             numbers = tuple(map(self._number, items))
             is_valid = None not in numbers and (self.kind == 'list' or len(numbers) == 2)
             return numbers if is_valid else None
+        if self.kind == 'names':
+            items = value if isinstance(value, (list, tuple)) else ()
+            is_valid = all(isinstance(x, str) and self._fits(x) for x in items)
+            return tuple(items) if items and is_valid else None
         if self.kind == 'switch':
             is_valid = isinstance(value, bool)
         elif self.kind == 'whole':
@@ -107,8 +112,11 @@ class Quantity:
         elif self.kind == 'choice':
             is_valid = isinstance(value, str) and value in self.choices
         else:
-            is_valid = isinstance(value, str) and bool(re.fullmatch(self.pattern or _ANY, value))
+            is_valid = isinstance(value, str) and self._fits(value)
         return value if is_valid else None
+
+    def _fits(self, text: str) -> bool:
+        return re.fullmatch(self.pattern or _ANY, text) is not None
 
     def _number(self, value: object) -> float | None:
         if not isinstance(value, float):
@@ -217,6 +225,21 @@ def groups(base: type, kinds: Mapping[str, Any]) -> Any:
     return dataclasses.field(default=(), metadata={'quantity': _Group(base, kinds)})
 
 
+def named(kind: str, meaning: str, unit: str = '', **options: Any) -> Any:
+    """Declares a dataclass field for a mapping from names to values of one quantity.
+
+    In parameters, the name of a value is that of the field, a dot, and its own.
+
+    Args:
+        kind: Kind of each value.
+        meaning: Meaning of each value.
+        unit: Unit of each value.
+        **options: See `quantity`.
+    """
+    value = quantity(kind, meaning, unit, **options).metadata['quantity']
+    return dataclasses.field(default_factory=dict, metadata={'quantity': _Named(value)})
+
+
 def unlisted(default: Any) -> Any:
     """Declares a dataclass field that is not a parameter."""
     return dataclasses.field(default=default, metadata={'quantity': None})
@@ -237,6 +260,26 @@ class _Part(NamedTuple):
 
     base: Any
     is_optional: bool
+
+
+class _Named(NamedTuple):
+    """A field whose value is a mapping from names to values; see `named`.
+
+    Attributes:
+        value: The quantity of each value.
+    """
+
+    value: Quantity
+
+    def names(self, prefix: str, values: Mapping[str, object]) -> list[str]:
+        """Returns the names in parameters, in increasing order.
+
+        Args:
+            prefix: Name of the field, and a dot.
+            values: Values by dotted name.
+        """
+        found = (name.removeprefix(prefix) for name in values if name.startswith(prefix))
+        return sorted(name for name in found if '.' not in name)
 
 
 class _Group(NamedTuple):
@@ -302,8 +345,8 @@ class _Group(NamedTuple):
         )
 
 
-def _read_parts(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Quantity | _Part | _Group], ...]:
-    """Returns each field of a dataclass with its `Quantity` or its valid objects.
+def _read_parts(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Any], ...]:
+    """Returns each field of a dataclass with its `Quantity`, `_Named`, `_Part` or `_Group`.
 
     They are in the order of the constructor's arguments, so that those which a base class declares
     by keyword only follow those of the class itself.
@@ -338,6 +381,10 @@ class Checked:
                 if value is not None or field.default is not None:
                     cleaned = part.clean(_parameter(field), value)
                     object.__setattr__(self, field.name, cleaned)
+                continue
+            if isinstance(part, _Named):
+                items = {x: part.value.clean(f'{field.name}.{x}', y) for x, y in value.items()}
+                object.__setattr__(self, field.name, items)
                 continue
             is_group = isinstance(part, _Group)
             if value is None and not is_group and part.is_optional:
@@ -385,7 +432,11 @@ def leaves(
             found.append(Leaf(prefix + _parameter(field), part, field.default))
             continue
         start = f'{prefix}{field.name}.'
-        if isinstance(part, _Group):
+        if isinstance(part, _Named):
+            found += (
+                Leaf(start + name, part.value, MISSING) for name in part.names(start, values or {})
+            )
+        elif isinstance(part, _Group):
             for name, kind in part.members(start, values or {}).items():
                 if part.has_kinds:
                     found.append(Leaf(f'{start}{name}.kind', part.kind, MISSING))
@@ -448,6 +499,9 @@ def _built(field: Any, part: Any, values: Mapping[str, object], prefix: str) -> 
                 members.append(build(kind, values, f'{name}.{key}.', name=key))
         mistakes.check()
         return tuple(members)
+    if isinstance(part, _Named):
+        given = {x: f'{name}.{x}' for x in part.names(f'{name}.', values)}
+        return {x: part.value.clean(full, values[full]) for x, full in given.items()}
     if name in values:
         return part.clean(name, values[name])
     if field.default is MISSING:
@@ -471,6 +525,8 @@ def flatten(instance: object, prefix: str = '') -> dict[str, object]:
                 if part.has_kinds:
                     flat[f'{start}kind'] = kind
                 flat.update(flatten(member, start))
+        elif isinstance(part, _Named):
+            flat.update({f'{name}.{x}': y for x, y in value.items()})
         elif isinstance(part, Quantity) and value is not None:
             flat[name] = value
         elif value is not None:

@@ -162,6 +162,11 @@ class Period:
         return np.stack([*columns], axis=-1)
 
     @property
+    def crank_angles(self) -> Array:
+        """The crank angles, unwrapped, rad."""
+        return self.columns[f'{self.solver.links[0]}.position'].values
+
+    @property
     def time(self) -> Array:
         """Time from the first crank angle to each crank angle, in either direction, s."""
         if self.across is OVER_TIME:
@@ -627,7 +632,8 @@ def stepped(period: Period, step: float, *, reactions: bool = False) -> dict[str
     Raises:
         ConfigurationError: The crank has no constant speed.
     """
-    given = [period.columns[f'crank.{name}'].values for name in ('velocity', 'acceleration')]
+    crank = period.solver.links[0]
+    given = [period.columns[f'{crank}.{name}'].values for name in ('velocity', 'acceleration')]
     if period.across is not OVER_CRANK or any(np.ptp(values) for values in given):
         raise ConfigurationError(
             '--csv is for a crank at a given speed: leave it out, or give --rpm if the crank has '
@@ -640,7 +646,7 @@ def stepped(period: Period, step: float, *, reactions: bool = False) -> dict[str
     table = _at_speed(solver, crank, speed, acceleration, reactions=reactions)
     columns = {'crank_angle': Column('deg', degrees)}
     for name, (unit, values) in table.with_gaps().items():
-        if name in {'crank_angle', 'crank.position'}:
+        if name in {'crank_angle', f'{crank}.position'}:
             continue
         if unit == 'rad':  # continuous, although the steps may be large
             near = np.interp(crank, period.crank, period.columns[name].values)

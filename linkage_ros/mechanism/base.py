@@ -42,11 +42,13 @@ class Drawn(NamedTuple):
     Attributes:
         links: Names of the links of the loop.
         points: Names of its pins, each with that in the mechanism's class, such as ('B', 'knee').
+        crank_angle: Crank angle in the drawing, rad.
         position: Position of the driven link in the drawing, rad or m.
     """
 
     links: tuple[str, ...]
     points: tuple[tuple[str, str], ...]
+    crank_angle: float
     position: float
 
 
@@ -117,6 +119,10 @@ class Mechanism(_FromDrawing):
             _values: Parameters of the mechanism by name.
         """
         return {}
+
+    def converted(self) -> 'Mechanism':
+        """Returns the mechanism; a drawing, which has this method too, is converted to one."""
+        return self
 
     def require_closed(self) -> None:
         """Rejects lengths with which the loop cannot close."""

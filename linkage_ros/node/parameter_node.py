@@ -32,6 +32,7 @@ _TYPES = {
     'list': ParameterType.PARAMETER_DOUBLE_ARRAY,
     'choice': ParameterType.PARAMETER_STRING,
     'text': ParameterType.PARAMETER_STRING,
+    'names': ParameterType.PARAMETER_STRING_ARRAY,
     'switch': ParameterType.PARAMETER_BOOL,
 }
 

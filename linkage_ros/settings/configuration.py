@@ -49,6 +49,7 @@ class Configuration:
         drive: The drive.
         session: Settings for publishing, logging and viewing.
         joints: The robot's joints that are given, by link.
+        given: What the parameters give: the mechanism, or the drawing of it.
     """
 
     kind: MechanismAndDrive
@@ -56,6 +57,7 @@ class Configuration:
     drive: Drive
     session: Session
     joints: Mapping[str, JointSettings] = field(default_factory=dict)
+    given: Any = None
 
     @property
     def robot_joints(self) -> tuple[RobotJoint, ...]:
@@ -68,7 +70,7 @@ class Configuration:
 
     def parameters(self) -> dict[str, object]:
         """Returns the values of all parameters by name, including defaults."""
-        parts = (self.kind, self.mechanism, self.drive, self.session)
+        parts = (self.kind, self.given or self.mechanism, self.drive, self.session)
         flat = {name: value for part in parts for name, value in flatten(part).items()}
         known = {leaf.name for leaf in parameter_leaves(self.kind, flat)}
         own = {name: value for name, value in flat.items() if name in known}
@@ -110,7 +112,10 @@ def configure(values: Mapping[str, object]) -> Configuration:
         with mistakes:
             raise ConfigurationError(_not_a_parameter(name, kind, names, unused.get(name, '')))
     with mistakes:
-        mechanism = build(MECHANISMS[kind.mechanism], chosen)
+        made = build(MECHANISMS[kind.mechanism], chosen)
+        mechanism = made.converted()
+        if mechanism.drawn:
+            chosen = {'crank_angle': mechanism.drawn.crank_angle, **chosen}
     with mistakes:
         drive = build(DRIVES[kind.drive], chosen)
     with mistakes:
@@ -118,7 +123,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
     mistakes.check()
     if 'mechanism' not in given:
         _require_harmless(drive)
-    found = Configuration(kind, mechanism, drive, session, build_joints(given))
+    found = Configuration(kind, mechanism, drive, session, build_joints(given), made)
     session.require_names(mechanism, found.robot_joints)
     _require_frame_joint(found)
     if drive.is_integrated and '' in {joint.name for joint in found.robot_joints}:

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters that map the linkage to the robot's own joints."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.axes import axes_of
-from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.joints import RobotJoint, own_joints
 from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
@@ -44,9 +45,7 @@ class JointSettings(Checked):
     )  # fmt: skip
 
 
-def joint_leaves(
-    mechanism: type[Mechanism], values: Mapping[str, object] | None = None
-) -> tuple[Leaf, ...]:
+def joint_leaves(mechanism: Any, values: Mapping[str, object] | None = None) -> tuple[Leaf, ...]:
     """Returns the parameters of the joints of a mechanism, one joint for each link with a mass.
 
     Args:
@@ -55,7 +54,7 @@ def joint_leaves(
     """
     names = (leaf.name for leaf in leaves(mechanism, values=values))
     masses = [name.removesuffix('.mass') for name in names if name.endswith('.mass')]
-    links = [name.removeprefix('dyads.').replace('.', '_') for name in masses]
+    links = [re.sub(r'^(dyads|drawing\.\w+)\.', '', name).replace('.', '_') for name in masses]
     return tuple(leaf for link in links for leaf in leaves(JointSettings, f'{GROUP}.{link}.'))
 
 

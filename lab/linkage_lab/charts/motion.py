@@ -131,7 +131,7 @@ def motion(options: argparse.Namespace) -> None:
             rows = zip(*(values.tolist() for _, values in columns.values()), strict=True)
             save_csv(table, head, ([None if x != x else x for x in row] for row in rows))
             lines = [', '.join(title)]
-            angle = math.degrees(period.columns['crank.position'].values[_drawn(period)])
+            angle = math.degrees(period.crank_angles[_drawn(period)])
             remarks = [*title[1:], f'mean power {rounded(period.mean_power)} W',
                        f'drawn at crank angle {angle:.4g} deg']  # fmt: skip
         if options.fluctuation is not None:
@@ -292,7 +292,7 @@ def _draw_motion(
 
 def _drawn(period: Period) -> int:
     """Returns the index of the sample at which the mechanism is drawn."""
-    crank = period.columns['crank.position'].values
+    crank = period.crank_angles
     apart = np.exp(1j * crank) - cmath.rect(1.0, math.radians(_DRAWN_AT))
     return int(np.abs(apart).argmin())
 
