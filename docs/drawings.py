@@ -18,7 +18,7 @@ import numpy as np
 from sheet import Sheet
 
 import linkage_ros as lr
-from linkage_ros.mechanism.registry import Mechanism
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.structure import Point
 from linkage_ros.palette import BLACK, COLORS, DARK, GREY, Color
 from linkage_ros.view.drawing import Drawing

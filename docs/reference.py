@@ -81,6 +81,7 @@ def parameter_row(leaf: Leaf) -> tuple[str, str, str, str]:
         'list': f'a list, each {span}',
         'choice': ', '.join(f'`{word}`' for word in quantity.choices),
         'text': f'`{quantity.pattern}`' if quantity.pattern else 'text',
+        'names': 'a list of names',
         'switch': '`true`, `false`',
     }[quantity.kind]
     shown = {MISSING: 'required', None: '-', '': "`''`"}.get(default)

@@ -421,7 +421,8 @@ def leaves(
     Args:
         cls: Dataclass whose fields are quantities or nested dataclasses of this kind.
         prefix: Prefix of all names.
-        values: Values by dotted name; their objects in `groups` add quantities.
+        values: Values by dotted name, whose objects in `groups` and names in `named` add
+            quantities; by default, those of one kind of object are listed once, with NAME.
 
     Raises:
         ConfigurationError: The values give no kind of such an object.
@@ -433,9 +434,10 @@ def leaves(
             continue
         start = f'{prefix}{field.name}.'
         if isinstance(part, _Named):
-            found += (
-                Leaf(start + name, part.value, MISSING) for name in part.names(start, values or {})
-            )
+            names = ['NAME'] if values is None else part.names(start, values)
+            found += (Leaf(start + name, part.value, MISSING) for name in names)
+        elif isinstance(part, _Group) and values is None and not part.has_kinds:
+            found += leaves(part.kinds[''], f'{start}NAME.')
         elif isinstance(part, _Group):
             for name, kind in part.members(start, values or {}).items():
                 if part.has_kinds:

@@ -55,6 +55,7 @@ def joint_leaves(mechanism: Any, values: Mapping[str, object] | None = None) -> 
     names = (leaf.name for leaf in leaves(mechanism, values=values))
     masses = [name.removesuffix('.mass') for name in names if name.endswith('.mass')]
     links = [re.sub(r'^(dyads|drawing\.\w+)\.', '', name).replace('.', '_') for name in masses]
+    links = [*dict.fromkeys(links)]
     return tuple(leaf for link in links for leaf in leaves(JointSettings, f'{GROUP}.{link}.'))
 
 
