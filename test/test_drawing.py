@@ -11,9 +11,10 @@ import pytest
 from test_dyads import random_structure
 
 from linkage_ros import Solver
+from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.drawing import UNITS, Drawing, DrawnLink, DrawnSlide
 
-STRUCTURES = 60  # 2000 were run by hand
+STRUCTURES = 40  # 2000 were run by hand
 
 
 def place_of(solver, q, point):
@@ -50,9 +51,10 @@ def drawn(mechanism, q, rng, unit='m'):
         if not link.is_guided:
             mass['center'] = pair(link.center)
         if link.slides:
-            way = cmath.rect(1.0, link.angle)
-            if link.parent is not None:
-                way *= cmath.rect(1.0, state.position[link.parent])
+            spin, angle = axes_of(links, j)
+            way = cmath.rect(1.0, angle or 0.0)
+            if spin is not None:
+                way *= cmath.rect(1.0, state.position[spin])
             on = 'frame' if link.parent is None else names[link.parent]
             slides.append(DrawnSlide(name, (way.real, way.imag), pins=own, on=on, **mass))
         else:

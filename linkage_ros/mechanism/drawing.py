@@ -408,11 +408,6 @@ def _bad_slides(drawing: Drawing) -> Iterator[str]:
         if slide.on != FRAME and (slide.on not in bodies or slide.on == slide.name):
             others = [name for name in bodies if name != slide.name]
             yield f'{label}.on = {shown(slide.on)}: must be one of {_listed([FRAME, *others])}'
-        if slide.on == drawing.input:
-            yield (
-                f'{label}.on = {shown(slide.on)}: a slide on the driven link cannot be solved; '
-                'drive another link'
-            )
 
 
 def _bad_centers(drawing: Drawing) -> Iterator[str]:
@@ -770,13 +765,16 @@ class _Conversion:
             )
         name = f'{first.name}__{last.name}'
         ends = [pin for pin in last.pins if self.carrier(pin)]
-        if not held or first.on or len(common) != 1:
+        if len(held) != 1 or first.on:
             return
-        (joint,), (start,) = common, held
-        if last.on and not ends and self.is_known(last.on):
-            yield name, lambda: self.with_slider(name, first, last, start, joint)
-        elif not last.on and len(ends) == 1 and first.name < last.name:
-            yield name, lambda: self.with_two_links(name, (first, last), (start, joint, ends[0]))
+        (start,) = held
+        if last.on == first.name and len(ends) == 1:
+            yield name, lambda: self.with_rod(name, first, last, ends[0], start)
+        elif len(common) == 1 and last.on and not ends and self.is_known(last.on):
+            yield name, lambda: self.with_slider(name, first, last, start, common[0])
+        elif len(common) == len(ends) == 1 and not last.on and first.name < last.name:
+            pins = start, common[0], ends[0]
+            yield name, lambda: self.with_two_links(name, (first, last), pins)
 
     def with_two_links(
         self, name: str, links: tuple[_Body, _Body], pins: tuple[str, str, str]
@@ -810,20 +808,36 @@ class _Conversion:
         near = self.at[joint].minus(self.at[start])
         self.require_side(near.dot(way), near, way, (first, last), joint)
         zero = origin.foot(line, way).plus(self.at[joint].minus(line))
-        others: dict[str, Any] = {}
-        if guide is None:
-            at, angle = zero.rounded, way.angle
-            self.axes[last.name] = _Axes(self.at[joint], way)
-        else:
+        self.axes[last.name] = _Axes(self.at[joint], way)
+        at, angle = zero.rounded, way.angle
+        inertia, center = 0.0, (0.0, 0.0)
+        if guide is not None:
             at = self.in_axes(guide, zero)
             angle = math.atan2(float(guide.way.cross(way)), float(guide.way.dot(way)))
-            self.axes[last.name] = _Axes(self.at[joint], guide.way)
-            others = {'on': last.on, 'inertia': last.part.inertia, 'center': self.center(last)}
+            inertia, center = last.part.inertia, self.center(last)
         return Dyad(
             name=name, from_=from_, from_at=from_at, first=self.body(first),
-            slider=DyadSlider(mass=last.part.mass, at=at, angle=angle, **others),
+            slider=DyadSlider(last.part.mass, at, angle, last.on, inertia, center),
             assembly=OPEN if near.dot(way) > 0 else CROSSED,
             names=(first.name, last.name, *joints),
+        )  # fmt: skip
+
+    def with_rod(self, name: str, barrel: _Body, rod: _Body, start: str, end: str) -> Dyad:
+        """Returns a dyad of a link that is pinned at its end, and a slide on it."""
+        joints = self.joint(start, rod), self.joint(end, barrel)
+        from_, to = self.carrier(start), self.carrier(end)
+        from_at, to_at = self.local(from_, start), self.local(to, end)
+        arm, way = self.at[start].minus(self.at[end]), rod.way
+        if arm.dot(way) < 0:
+            way = Exact(-way.x, -way.y)
+        self.require_side(arm.dot(way), arm, way, (barrel, rod), start)
+        self.axes[barrel.name] = _Axes(self.at[end], way)
+        self.axes[rod.name] = _Axes(self.at[start], way)
+        return Dyad(
+            name=name, from_=from_, from_at=from_at, to=to, to_at=to_at,
+            barrel=self.mass(barrel, Barrel), rod=self.mass(rod, Rod),
+            offset=_over_root(way.cross(arm), way.dot(way)),
+            names=(barrel.name, rod.name, *joints),
         )  # fmt: skip
 
     def require_side(
