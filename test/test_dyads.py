@@ -3,6 +3,7 @@
 """Dyads of mechanisms: states and forces in many digits, order, reach, refusals."""
 
 import cmath
+import itertools
 import math
 import random
 from contextlib import suppress
@@ -13,6 +14,7 @@ import pytest
 from mechanisms import (
     FULL,
     LIMITED,
+    MOVING_GUIDES,
     PUMPS,
     cylinder,
     four_bar,
@@ -29,12 +31,17 @@ from linkage_ros import (
     Barrel,
     Body,
     ConfigurationError,
+    Coupler,
     Dyad,
     DyadSlider,
     Force,
+    FourBar,
+    Frame,
     Friction,
+    Gas,
     LinkageError,
     LinkLoad,
+    LoadCurve,
     MechanismError,
     MotionError,
     Pins,
@@ -284,7 +291,121 @@ def test_torque_supplies_the_power_of_masses_and_loads():
     assert means[1] > 1.1 * means[0]
 
 
+# ---------------------------------------------------------------- moving guides
+
+
+def on_links(mechanism, kind, one, other):
+    """Adds a dyad of a kind between points of two links, with a guide or a barrel on the other."""
+    rest = {'name': 'last', 'from_': one, 'from_at': (-0.4, 0.5)}
+    if kind == 'barrel':
+        rest |= {
+            'to': other, 'to_at': (2.0, -2.8), 'offset': 0.4,
+            'barrel': Barrel(0.9, 0.3, (0.5, -0.2)), 'rod': Rod(0.7, 0.2, (-0.4, 0.3)),
+        }  # fmt: skip
+    else:
+        slider = DyadSlider(1.2, (0.6, 0.3), -0.5, other)
+        if other != 'frame':
+            slider = replace(slider, inertia=0.3, center=(0.2, -0.3))
+        rest |= {'first': Body(9.0, 0.8, 0.2, (2.0, 0.1)), 'slider': slider}
+    return replace(mechanism, dyads=(*mechanism.dyads, Dyad(**rest)))
+
+
+@pytest.mark.parametrize('kind', ['slider', 'barrel'])
+@pytest.mark.parametrize('base', ['guide_on_coupler', 'barrel_between_slider_and_coupler'])
+def test_dyads_between_any_two_links_are_right_with_friction_and_loads(base, kind):
+    """Slider and rod push the links on which they slide, and friction pushes both."""
+    base, (q, u, a) = MOVING_GUIDES[base], ((1.1,), (2.0,), (1.5,))
+    links = ['frame', *(link.name for link in base.structure().links)]
+    for one, other in itertools.permutations(links, 2):
+        mechanism = on_links(base, kind, one, other)
+        last = f'last_{"rod" if kind == "barrel" else "slider"}'
+        mechanism = with_loads(
+            mechanism,
+            LinkLoad(last, 30.0, 4.0, 50.0, 0.2, name='a'),
+            LoadCurve(last, 'position', (-1.0, 2.0, 9.0), (5.0, -7.0, 30.0), name='b'),
+            Force(last, (0.3, -0.2), (20.0, -40.0), axes='link', name='c'),
+            Friction(pin=0.1, pin_radius=0.02, guide=0.05),
+        )
+        with mp.workdps(30):
+            error, force_error, _ = compared(mechanism, q, u, a)
+        assert max(error, force_error) < 1e-12, (one, other)
+
+
+def test_a_barrel_and_a_rod_on_crank_and_frame_are_an_inverted_slider_crank():
+    right = cylinder((1, 2.5, 0.7), 0.0, loads=())
+    idle = FourBar(Frame(2.2), right.crank, Coupler(3.0), Body(2.5), gravity=right.gravity)
+    dyad = Dyad(
+        name='ram', from_='crank', from_at=(1.0, 0.0), to='frame', to_at=(2.5, 0.0),
+        barrel=right.barrel, rod=right.rod, offset=right.offset,
+    )  # fmt: skip
+    crank, found = np.linspace(0.1, 6, 9), []
+    for base, rod in ((right, 'rod'), (replace(idle, dyads=(dyad,)), 'ram_rod')):
+        loads = (
+            Gas(rod, 0.2, 0.1, 2e5, name='gas'),
+            LoadCurve(rod, 'crank_angle_from_tdc', (0.5, 2.0, 6.0), (4.0, -3.0, 8.0), name='cut'),
+            Friction(guide=0.1, name='wear'),
+        )
+        solver = Solver(with_loads(base, *loads))
+        state = solver.state(crank, 3.0, 1.0)
+        forces = solver.reactions(state)
+        found.append([*state[rod], state.torque, *forces.guides[rod], forces.shaking_moment])
+    for one, other in zip(*found, strict=True):
+        assert one == pytest.approx(other, rel=1e-9, abs=1e-9 * np.abs(other).max())
+
+
+def test_gas_on_a_moving_guide_takes_no_power_over_a_turn():
+    mechanism = MOVING_GUIDES['guide_on_coupler']
+    solver = Solver(with_loads(mechanism, Gas('shoe_slider', 0.2, 0.1, 2e5)))
+    crank = np.linspace(0, TURN, 721)[:-1]
+    state = solver.state(crank, 3.0)
+    assert abs(np.mean(state.torque)) < 1e-6 * np.abs(state.torque).max()
+    assert solver.reactions(state).torque == pytest.approx(state.torque, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('values', 'words'),
+    [
+        ({'slider': DyadSlider(on='rokker')}, r"slider\.on = 'rokker': must be one of crank, "),
+        ({'slider': DyadSlider(inertia=1.0)}, 'its centre of mass is its pin'),
+        ({'slider': DyadSlider(center=(0.1, 0.0))}, 'its centre of mass is its pin'),
+        ({'slider': DyadSlider(on='ram_slider')}, 'ram is carried by ram'),
+        ({'slider': DyadSlider(), 'offset': 0.1}, 'offset is for a barrel and a rod'),
+        ({'slider': DyadSlider(), 'rod': Rod()}, r'barrel and rod\)'),
+        ({'first': None, 'barrel': Barrel()}, r'barrel and rod\)'),
+        ({'first': None, 'barrel': Barrel(), 'rod': Rod()}, r'ram\.to is missing'),
+        ({'first': None, 'barrel': Barrel(), 'rod': Rod(), 'to': 'frame', 'assembly': 'crossed'},
+         'must be open with a barrel'),
+    ],
+)  # fmt: skip
+def test_mistakes_of_guides_and_barrels_are_said(values, words):
+    given = {'name': 'ram', 'from_': 'coupler', 'first': Body(3.0)} | values
+    with pytest.raises(ConfigurationError, match=words):
+        carrying(Dyad(**given))
+
+
 # ---------------------------------------------------------------- reach
+
+
+@pytest.mark.parametrize('kind', ['slider', 'barrel'])
+def test_reach_ends_where_a_moving_guide_is_too_far_or_a_barrel_too_short(kind):
+    if kind == 'slider':
+        slider = DyadSlider(1.0, (0.6, 0.3), 0.7, 'rocker')
+        dyad = Dyad(name='ram', from_='crank', from_at=(0.9, 0.0), first=Body(1.6), slider=slider)
+        words = 'too far from the path'
+    else:
+        dyad = Dyad(
+            name='ram', from_='crank', from_at=(0.9, 0.0), to='coupler', to_at=(1.5, 0.3),
+            barrel=Barrel(), rod=Rod(), offset=-1.5,
+        )  # fmt: skip
+        words = 'too near'
+    solver = Solver(carrying(dyad))
+    reach = solver.reach
+    assert words in reach.limits[0]
+    for start, end in reach.arcs:
+        for inside, outside in ((start + 1e-7, start - 1e-7), (end - 1e-7, end + 1e-7)):
+            assert solver.alignment((inside,))[0] < 1e-3
+            with pytest.raises(UnreachableError, match=r'dyad ram .* gap '):
+                solver.state(outside)
 
 
 def test_reach_is_the_arc_on_which_the_dyad_closes():

@@ -77,7 +77,10 @@ def reach_of(mechanism: Any) -> Reach | None:
 
 
 def stroke_of(mechanism: Any, what: str, name: str) -> Stroke:
-    """Finds the ends of the stroke of a dyad's slider.
+    """Finds the ends of the stroke of a dyad's slider or rod.
+
+    The far end of a slider's stroke is farther from the first pin of the link with the guide, or
+    from the crank pivot; a rod is in its barrel there, as in an inverted slider-crank.
 
     Args:
         mechanism: The mechanism.
@@ -109,11 +112,13 @@ def stroke_of(mechanism: Any, what: str, name: str) -> Stroke:
         )
     places = slide(np.array(found))[0].tolist()
     link = structure.links[j]
-    ends = sorted(
-        zip(places, found, strict=True),
-        key=lambda end: -abs(link.origin + cmath.rect(end[0], link.angle)),
-    )
-    return Stroke(*ends)
+
+    def distance(end: tuple[float, float]) -> float:
+        if link.parent == j - 1:  # a piston is far from the rod's pin where the barrel is short
+            return -end[0]
+        return abs(link.origin + cmath.rect(end[0], link.angle))
+
+    return Stroke(*sorted(zip(places, found, strict=True), key=distance, reverse=True))
 
 
 def _slide(constants: Any, crank: Real) -> tuple[Real, Real]:

@@ -700,6 +700,8 @@ class Solver:
             sines = [0.0] * len(dyads)
         sine, dyad = min(zip(sines, dyads, strict=False))
         first, second = (links[j] for j in dyad)
+        if second.slides and second.parent == dyad[0]:
+            return sine, f'the {second.name} is at 0 m in the {first.name}'
         if second.slides:
             return sine, f'the {first.name} is perpendicular to the guide'
         return sine, f'{first.name} and {second.name} are in line'

@@ -32,7 +32,8 @@ class LoadCurve(AppliedLoad):
     """A force, torque or pressure on a link, interpolated linearly between points.
 
     Attributes:
-        link: Loaded link: 'crank', 'rocker', 'slider', 'rod' of a cylinder, or a dyad's slider.
+        link: Loaded link: 'crank', 'rocker', 'slider', 'rod' of a cylinder, or a dyad's
+            slider or rod.
         over: Independent variable. With 'crank_angle', the curve repeats every turn of the crank
             or, if its points span more than a turn, every two turns; likewise with
             'crank_angle_from_tdc', the crank angle from the top of a slider's stroke. With

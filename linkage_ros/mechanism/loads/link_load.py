@@ -23,7 +23,8 @@ class LinkLoad(AppliedLoad):
     """A constant force or torque, viscous damping, and a spring between a link and the frame.
 
     Attributes:
-        link: Loaded link: 'crank', 'rocker', 'slider', the rod of a cylinder, or a dyad's slider.
+        link: Loaded link: 'crank', 'rocker', 'slider', the rod of a cylinder, or a dyad's
+            slider or rod.
         force: Torque, N m, positive counter-clockwise; on a slider, force along the guide, N.
         damping: Damping coefficient, N m s or N s/m.
         stiffness: Stiffness of the spring, N m/rad or N/m; not on a link that turns fully.
