@@ -19,6 +19,7 @@ import pytest
 from mechanisms import ALL, coordinates, longest
 
 from linkage_ros import InvertedSliderCrank, LinkLoad, SliderCrank, Solver
+from linkage_ros.messages.joints import carrier_axes
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.drives.speed import SpeedDrive
 from linkage_ros.quantities import build, flatten
@@ -44,6 +45,17 @@ NAMES = (
     'turning_barrel',
     'swinging_barrel_driven',
     'turning_barrel_driven',
+    'guide_on_coupler',
+    'guide_on_slider',
+    'guide_on_barrel',
+    'guide_on_rod_of_driven_cylinder',
+    'guide_on_moving_slider',
+    'guide_on_slider_on_slider',
+    'guide_on_barrel_of_dyad',
+    'guide_on_rod_of_dyad',
+    'barrel_on_coupler',
+    'barrel_between_slider_and_coupler',
+    'barrel_on_moving_slider',
 )
 MOTION = -11.0, 90.0
 
@@ -71,7 +83,7 @@ class Engine:
     def __init__(self, mechanism):
         self.model = mujoco.MjModel.from_xml_string(urdf(mechanism))
         self.data = mujoco.MjData(self.model)
-        self.force, self.driven = np.zeros(3), mechanism.structure().driven
+        self.force = np.zeros(3)
         if isinstance(mechanism, SliderCrank):
             angle, self.output, reach = mechanism.frame.angle, 'slider', 0.0
             self.force[:2] = math.cos(angle), math.sin(angle)
@@ -83,19 +95,23 @@ class Engine:
         self.along, middle = 0.0, 'coupler'
         if self.output == 'rod':  # the loop is cut at A
             self.along, middle = own_load(mechanism).force, 'barrel'
-            self.ends = {'crank': mechanism.crank.length, 'rod': 0.0}
+            self.ends = [('crank', mechanism.crank.length), ('rod', 0.0)]
         else:
-            self.ends = {'coupler': mechanism.coupler.length, self.output: reach}
+            self.ends = [('coupler', mechanism.coupler.length), (self.output, reach)]
         added = [name for dyad in mechanism.dyads for name in dyad.parts]
         for dyad in mechanism.dyads:
-            self.ends |= {x: getattr(part, 'length', 0.0) for x, part in dyad.parts.items()}
-        names = [self.model.joint(number).name for number in range(self.model.njnt)]
-        assert names == ['crank', middle, self.output, *added]
+            if dyad.rod:
+                self.ends += [(dyad.from_, complex(*dyad.from_at)), (f'{dyad.name}_rod', 0.0)]
+            else:
+                parts = dyad.parts.items()
+                self.ends += [(x, getattr(part, 'length', 0.0)) for x, part in parts]
+        # The engine has the joints in the order of its tree.
+        self.joints = [self.model.joint(x).id for x in ('crank', middle, self.output, *added)]
+        self.driven = self.joints[mechanism.structure().driven]
         assert self.model.nv == self.model.nq == 3 + len(added)
         # Each turning link that another carries is measured from it.
-        self.parents = [
-            None if link.slides else link.parent for link in mechanism.structure().links
-        ]
+        links = mechanism.structure().links
+        self.axes = [carrier_axes(links, link) for link in links]
 
     def inverse(self, position, velocity, acceleration):
         """Computes the driving torque for a motion of the closed loop, and the gaps at B.
@@ -107,16 +123,17 @@ class Engine:
         for mine, given in (
             (data.qpos, position), (data.qvel, velocity), (data.qacc, acceleration),
         ):  # fmt: skip
-            mine[:] = given
-            for number, parent in enumerate(self.parents):
-                mine[number] -= 0.0 if parent is None else given[parent]
+            mine[self.joints] = given
+            for joint, (parent, guide) in zip(self.joints, self.axes, strict=True):
+                mine[joint] -= 0.0 if parent is None else given[parent]
+                mine[joint] -= guide if guide and given is position else 0.0
         mujoco.mj_inverse(model, data)
         # Forces that the joints need, minus the external force on the slider.
         output, pushed = model.joint(self.output).bodyid[0], np.zeros(model.nv)
         center = data.xipos[output]
         mujoco.mj_applyFT(model, data, self.force, np.zeros(3), center, output, pushed)
         needed = data.qfrc_inverse - pushed
-        needed[2] -= self.along
+        needed[self.joints[2]] -= self.along
         apart, loop, drift = map(np.concatenate, zip(*self._apart(), strict=True))
         # Rates per rate of the driven joint that keep the loop closed, for the virtual power.
         others = np.delete(loop, self.driven, axis=1)
@@ -126,16 +143,17 @@ class Engine:
 
     def _apart(self):
         """Yields the distance of the two ends of each loop, its Jacobian and that one's rate."""
-        ends = list(map(self._end, self.ends))
+        ends = [self._end(*end) for end in self.ends]
         for one, other in zip(ends[::2], ends[1::2], strict=True):
             yield [(x - y)[:2] for x, y in zip(one, other, strict=True)]
 
-    def _end(self, name):
-        """Computes the position of B on a body, its Jacobian and the Jacobian's rate."""
-        model, data, number = self.model, self.data, self.model.joint(name).bodyid[0]
+    def _end(self, name, at):
+        """Computes the position of a point on a body, its Jacobian and the Jacobian's rate."""
+        model, data = self.model, self.data
+        number = 0 if name == 'frame' else model.joint(name).bodyid[0]
         jacobian, rate = np.zeros((2, 3, model.nv))
         turned = data.xmat[number].reshape(3, 3)
-        point = data.xpos[number] + turned @ [self.ends[name], 0.0, 0.0]
+        point = data.xpos[number] + turned @ [at.real, at.imag, 0.0]
         mujoco.mj_jac(model, data, jacobian, None, point, number)
         mujoco.mj_jacDot(model, data, rate, None, point, number)
         return point, jacobian, rate

@@ -116,7 +116,7 @@ def stroke_of(mechanism: Any, what: str, name: str) -> Stroke:
     def distance(end: tuple[float, float]) -> float:
         if link.parent == j - 1:  # a piston is far from the rod's pin where the barrel is short
             return -end[0]
-        return abs(link.origin + cmath.rect(end[0], link.angle))
+        return float(abs(link.origin + cmath.rect(end[0], link.angle)))
 
     return Stroke(*sorted(zip(places, found, strict=True), key=distance, reverse=True))
 
