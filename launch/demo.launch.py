@@ -46,7 +46,7 @@ def start(arguments: dict[str, str]) -> list:
             package='rviz2',
             executable='rviz2',
             namespace=namespace,
-            arguments=['-d', rviz_file(template, node['frame_id'], arguments['frame_prefix'])],
+            arguments=['-d', rviz_file(template, node, arguments['frame_prefix'])],
             parameters=[{'use_sim_time': publisher['use_sim_time']}],
         )
         actions.append(where_installed('rviz2', 'picture in RViz', rviz))

@@ -220,6 +220,21 @@ def test_frames_of_messages_and_rviz_are_those_of_tf(launched):
     assert model['Description Topic']['Value'] == topic
 
 
+@pytest.mark.parametrize('names', [(), ('tip',), ('heel', 'tip')])
+def test_rviz_shows_each_traced_point(names, launched, tmp_path):
+    points = ''.join(f'{name}: {{link: coupler, at: [0.1, 0.0]}}, ' for name in names)
+    path = tmp_path / 'own.yaml'
+    path.write_text(OWN.replace('{tip: {link: coupler, at: [0.1, 0.0]}}', f'{{{points}}}'))
+    nodes, _ = launched(DEMO, 'rviz2', params=str(path), namespace='left', rviz='true')
+    _, file = nodes['rviz2'].arguments
+    rviz = yaml.safe_load(Path(file).read_text())['Visualization Manager']
+    shown = [
+        (show['Name'], show['Topic']['Value'])
+        for show in rviz['Displays'] if show['Class'].endswith('PointStamped')
+    ]  # fmt: skip
+    assert shown == [(name, f'points/{name}') for name in names]
+
+
 @pytest.mark.parametrize('file', [DEMO, FOLLOW], ids=lambda path: path.name)
 def test_state_publisher_can_be_switched_off(file, launched):
     nodes, words = launched(file, 'robot_state_publisher', params='wiper', state_publisher='false')

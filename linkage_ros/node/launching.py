@@ -4,6 +4,7 @@
 
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -49,6 +50,8 @@ _COMMON = ('use_sim_time', 'joint_prefix', *OUTPUTS)
 # Limit of the rate of tf, Hz. At the default of 20 Hz, a crank at 150 rpm turns by 45 deg between
 # two transforms.
 _TF_RATE = 200.0
+# The display of a point in the RViz configuration.
+_RVIZ_POINT = re.compile(r'    - Class: rviz_default_plugins/PointStamped\n(?:      .*\n)+')
 
 
 def description(arguments: Arguments, start: Callable[[dict[str, str]], list[Any]]) -> Any:
@@ -316,19 +319,24 @@ def parameter_file(values: Mapping[str, object]) -> str:
     return _file_in_memory(json.dumps({'/**': {'ros__parameters': values}}))
 
 
-def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
-    """Adapts the RViz configuration to the frames of a launch.
+def rviz_file(template: Path, values: Mapping[str, object], frame_prefix: str) -> str:
+    """Adapts the RViz configuration to the frames and points of a launch.
 
     Args:
-        template: RViz configuration for a linkage without prefixes.
-        fixed_frame: Name of the tf frame of the link that carries the fixed pivots.
+        template: RViz configuration for a linkage without prefixes, with the point coupler_point.
+        values: Parameters of linkage_node. Its frame_id is the tf frame of the link that carries
+            the fixed pivots.
         frame_prefix: Frame prefix of robot_state_publisher. A trailing '/' is removed, because
             RViz adds one.
 
     Returns:
         Path of a file, which exists until this process ends.
     """
-    text = template.read_text(encoding='utf-8').replace(ROOT_FRAME, fixed_frame)
+    text = template.read_text(encoding='utf-8').replace(ROOT_FRAME, str(values['frame_id']))
+    points = dict.fromkeys(x.split('.')[1] for x in values if x.startswith('points.'))
+    text = _RVIZ_POINT.sub(
+        lambda shown: ''.join(shown[0].replace('coupler_point', point) for point in points), text
+    )
     prefix = f"TF Prefix: '{frame_prefix.removesuffix('/')}'"
     return _file_in_memory(text.replace("TF Prefix: ''", prefix))
 
