@@ -36,6 +36,7 @@ from linkage_ros.motion.steps import record_steps
 from linkage_ros.programs.record import record
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure
+from linkage_ros.view.drawing import Drawing
 
 # Long enough for every mechanism of ALL: a link and a slider on the frame, two links, a link and a
 # slider on a moving link, and a barrel and a rod.
@@ -261,3 +262,27 @@ def test_old_argument_of_a_coupler_is_refused_with_the_new_one():
     _, _, words = str(refused.value).partition('give it ')
     new = eval(words.removeprefix('points='), {'TracedPoint': TracedPoint})
     assert new == [TracedPoint('coupler_point', 'coupler', (0.1, 0.05))]
+
+
+@pytest.mark.parametrize('mechanism', MECHANISMS.values(), ids=MECHANISMS)
+def test_drawing_shows_every_point_and_its_path(mechanism):
+    mechanism = on_every_link(mechanism)
+    solver, drawing = Solver(mechanism), Drawing(mechanism)
+    state = near(solver, 0.0)
+    (places,) = drawing.place(np.array([state.position], dtype=float))
+    lines = drawing.links(places[np.newaxis])
+    for name, link in solver.structure.traced.items():
+        due = np.array(solver.point(state, name).position, dtype=float)
+        shown = name
+        if name not in drawing.pins:  # it is a pin of the link
+            assert name.endswith('_0')
+            apart = np.abs(np.concatenate([places, drawing.pivots]) - due).max(axis=1)
+            shown = (*drawing.pins, *drawing.pivot_names)[int(apart.argmin())]
+            assert apart.min() < 1e-14
+        else:
+            assert np.abs(places[drawing.pins.index(name)] - due).max() < 1e-13
+            # A line of its link leads to it.
+            assert np.abs(lines[link][0] - due).max(axis=1).min() < 1e-13
+        assert (shown in drawing.pivot_names) or (shown in drawing.owners)
+        assert shown in drawing.paths or shown in drawing.pivot_names or not mechanism.reach()
+    assert np.isfinite(drawing.labels(places[np.newaxis])).all()

@@ -265,8 +265,9 @@ class Drawing:
         self._shown, self._more = names, [*hidden.values()]
         self._corners: dict[str, list[int]] = {}
         for link, ends in self.ends.items():
-            aside = [pin for pin, owner in asides.items() if owner == link]
-            shape = [*ends, *aside, ends[0]] if aside else ends
+            shape = [*ends]
+            for i, aside in enumerate(x for x, owner in asides.items() if owner == link):
+                shape += [aside, ends[i % 2]]  # a triangle with both ends
             self._corners[link] = [names.index(name) for name in shape]
         sides = [side for shape in self._corners.values() for side in pairwise(shape)]
         sides += [side[::-1] for side in sides]
@@ -303,8 +304,8 @@ class Drawing:
             points: Points from `place`, shape (n, pins, 2), m.
 
         Returns:
-            Lines of shape (n, k, 2), m, by the name of the link: its two pins, a polygon of its
-            pins and further points, or the block of a slider with a line to each further point.
+            Lines of shape (n, k, 2), m, by the name of the link: its two pins and a triangle
+            with each further point, or the block of a slider with a line to each further point.
         """
         corners = self._all_corners(points)
         return {link: corners[:, shape] for link, shape in self._corners.items()}
