@@ -6,6 +6,7 @@ import gc
 import os
 import signal
 import sys
+from pathlib import Path
 
 # With several threads, small matrices take many times as long on a busy machine. BLAS reads this
 # variable when NumPy is imported.
@@ -62,6 +63,13 @@ def called(monkeypatch, capfd):
     gc.unfreeze()
     for number, handler in zip(numbers, before, strict=True):
         signal.signal(number, handler)
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leaves pictures empty, for tests that read only what a command prints or its tables."""
+    figure = pytest.importorskip('matplotlib.figure').Figure
+    monkeypatch.setattr(figure, 'savefig', lambda _, path, **__: Path(path).touch())
 
 
 # The longest files run first, so that no process runs one of them alone at the end.

@@ -163,7 +163,7 @@ def name_in_urdf(link):
 
 def recorded(configuration, path):
     """Returns positions, velocities and accelerations by joint of each state."""
-    record(configuration, path, duration=0.6)
+    record(configuration, path, duration=0.3)
     joints, states = [], []
     with path.open('rb') as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])

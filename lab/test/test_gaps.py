@@ -121,7 +121,7 @@ def test_forces_along_a_law_are_infinite_at_a_change_point():
 
 
 @pytest.mark.parametrize(('text', 'options'), [(EQUAL, ['--reactions']), (EQUAL + FRICTION, [])])
-def test_table_leaves_angles_without_forces_empty(tmp_path, called, text, options):
+def test_table_leaves_angles_without_forces_empty(tmp_path, called, undrawn, text, options):
     given = 'motion', equal(tmp_path, text), *options, '--csv', '30', '--out', tmp_path / 'out'
     code, _, error = called(command_line, *given)
     assert code == 0
@@ -155,7 +155,7 @@ def test_movies_have_no_torque_where_it_is_infinite(tmp_path, called, monkeypatc
     assert any(None in quantity['values'] for quantity in data['quantities'])
 
 
-def test_economy_and_flywheel_refuse_an_infinite_torque_in_one_line(tmp_path, called):
+def test_economy_and_flywheel_refuse_an_infinite_torque_in_one_line(tmp_path, called, undrawn):
     path, out = equal(tmp_path, EQUAL + FRICTION), tmp_path / 'out'
     assert_refused(*called(command_line, 'economy', path, '--out', out), 'friction')
     given = 'motion', path, '--fluctuation', '0.1', '--out', out

@@ -18,7 +18,7 @@ from test_errata import CRANKS, B, positions
 
 from linkage_lab import command_line
 from linkage_lab.charts.stability import GRIDS
-from linkage_lab.methods import situations
+from linkage_lab.methods import linkage_cases, situations
 from linkage_lab.methods.linkage_cases import NEAR, TOGGLE, LinkageCase, TurnCase, linkages
 from linkage_lab.methods.measure import BATCH, LIMIT, ONE, label, with_fronts
 from linkage_lab.methods.registry import (
@@ -276,8 +276,10 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def accuracy(folder):
-    """Returns file names and records of one quick run."""
-    return run_quick('accuracy', folder)
+    """Returns file names and records of one quick run, without the care of its times."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(linkage_cases, '_BATCH', 64)
+        return run_quick('accuracy', folder)
 
 
 @pytest.fixture(scope='module')

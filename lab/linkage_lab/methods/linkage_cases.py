@@ -243,5 +243,5 @@ def linkages(*, quick: bool) -> list[tuple[str, TurnCase]]:
     )  # fmt: skip
     found[TOGGLE] = replace(q, dyads=(arm,))
     near = {TOGGLE: [0.0, *(sign * 10.0**-k for k in range(2, 6) for sign in (-1, 1))]}
-    angles = 36 if quick else 360
+    angles = 12 if quick else 360
     return [(name, TurnCase(each, angles, near.get(name, ()))) for name, each in found.items()]
