@@ -95,6 +95,7 @@ setup(
         'test': [
             'colcon-bash',
             'colcon-ros',
+            'gmpy2',  # mpmath uses it if it is installed
             'hypothesis',
             'import-linter',
             'mcap-ros2-support',
