@@ -7,56 +7,101 @@ which computes states, accelerations, joint forces and energy. Units are SI: m, 
 Angles and torques are positive counter-clockwise. Coordinates and rates may be floats or arrays.
 """
 
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 __version__ = '2.0.0'
 
-from linkage_ros.errors import (
-    ConfigurationError,
-    LinkageError,
-    LogError,
-    MechanismError,
-    MotionError,
-    UnreachableError,
-    ViewerError,
-)
-from linkage_ros.mechanism.base import Mechanism
-from linkage_ros.mechanism.conditions import Conditions
-from linkage_ros.mechanism.dyads import Dyad, DyadSlider
-from linkage_ros.mechanism.four_bar import FourBar
-from linkage_ros.mechanism.inverted_slider_crank import InvertedSliderCrank
-from linkage_ros.mechanism.joint_forces import Reactions
-from linkage_ros.mechanism.kinematics import PointMotion, Reach, State
-from linkage_ros.mechanism.loads.curve import LoadCurve
-from linkage_ros.mechanism.loads.force import Force
-from linkage_ros.mechanism.loads.friction import Friction
-from linkage_ros.mechanism.loads.gas import Gas
-from linkage_ros.mechanism.loads.link_load import LinkLoad
-from linkage_ros.mechanism.loads.pins import Pins
-from linkage_ros.mechanism.loads.spring import Spring
-from linkage_ros.mechanism.parts import (
-    CROSSED,
-    OPEN,
-    Barrel,
-    Body,
-    Coupler,
-    Frame,
-    Guide,
-    Piston,
-    Rocker,
-    Rod,
-    Slider,
-)
-from linkage_ros.mechanism.points import TracedPoint
-from linkage_ros.mechanism.slider_crank import SliderCrank
-from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.travel import Travel, travel
-from linkage_ros.mechanism.wind_pump import WindPump
-from linkage_ros.settings.presets import preset_names
-
 if TYPE_CHECKING:
+    from linkage_ros.errors import (
+        ConfigurationError,
+        LinkageError,
+        LogError,
+        MechanismError,
+        MotionError,
+        UnreachableError,
+        ViewerError,
+    )
+    from linkage_ros.mechanism.base import Mechanism
+    from linkage_ros.mechanism.conditions import Conditions
+    from linkage_ros.mechanism.dyads import Dyad, DyadSlider
+    from linkage_ros.mechanism.four_bar import FourBar
+    from linkage_ros.mechanism.inverted_slider_crank import InvertedSliderCrank
+    from linkage_ros.mechanism.joint_forces import Reactions
+    from linkage_ros.mechanism.kinematics import PointMotion, Reach, State
+    from linkage_ros.mechanism.loads.curve import LoadCurve
+    from linkage_ros.mechanism.loads.force import Force
+    from linkage_ros.mechanism.loads.friction import Friction
+    from linkage_ros.mechanism.loads.gas import Gas
+    from linkage_ros.mechanism.loads.link_load import LinkLoad
+    from linkage_ros.mechanism.loads.pins import Pins
+    from linkage_ros.mechanism.loads.spring import Spring
+    from linkage_ros.mechanism.parts import (
+        CROSSED,
+        OPEN,
+        Barrel,
+        Body,
+        Coupler,
+        Frame,
+        Guide,
+        Piston,
+        Rocker,
+        Rod,
+        Slider,
+    )
+    from linkage_ros.mechanism.points import TracedPoint
+    from linkage_ros.mechanism.slider_crank import SliderCrank
+    from linkage_ros.mechanism.solver import Solver
+    from linkage_ros.mechanism.travel import Travel, travel
+    from linkage_ros.mechanism.wind_pump import WindPump
     from linkage_ros.numeric import Array
     from linkage_ros.settings.configuration import Configuration
+    from linkage_ros.settings.presets import preset_names
+
+# Names are imported when they are first used, so that `--help` of a program needs no NumPy.
+_MODULES = {
+    name: module
+    for module, names in {
+        'errors': (
+            'ConfigurationError LinkageError LogError MechanismError MotionError '
+            'UnreachableError ViewerError'
+        ),
+        'mechanism.base': 'Mechanism',
+        'mechanism.conditions': 'Conditions',
+        'mechanism.dyads': 'Dyad DyadSlider',
+        'mechanism.four_bar': 'FourBar',
+        'mechanism.inverted_slider_crank': 'InvertedSliderCrank',
+        'mechanism.joint_forces': 'Reactions',
+        'mechanism.kinematics': 'PointMotion Reach State',
+        'mechanism.loads.curve': 'LoadCurve',
+        'mechanism.loads.force': 'Force',
+        'mechanism.loads.friction': 'Friction',
+        'mechanism.loads.gas': 'Gas',
+        'mechanism.loads.link_load': 'LinkLoad',
+        'mechanism.loads.pins': 'Pins',
+        'mechanism.loads.spring': 'Spring',
+        'mechanism.parts': 'CROSSED OPEN Barrel Body Coupler Frame Guide Piston Rocker Rod Slider',
+        'mechanism.points': 'TracedPoint',
+        'mechanism.slider_crank': 'SliderCrank',
+        'mechanism.solver': 'Solver',
+        'mechanism.travel': 'Travel travel',
+        'mechanism.wind_pump': 'WindPump',
+        'settings.presets': 'preset_names',
+    }.items()
+    for name in names.split()
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    value = getattr(import_module(f'linkage_ros.{_MODULES[name]}'), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*__all__, '__version__']
 
 
 def load(source: str) -> 'Configuration':

@@ -18,7 +18,7 @@ from linkage_ros.log.verify import verify
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS
 from linkage_ros.messages.topics import JOINT_STATES
 from linkage_ros.programs import replay
-from linkage_ros.programs.log_tool import info, saved, verdict
+from linkage_ros.programs.log_commands import info, saved, verdict
 from linkage_ros.programs.player import excerpt_of, feed
 from linkage_ros.programs.record import record
 from linkage_ros.quantities import build, flatten

@@ -15,7 +15,7 @@ from linkage_ros.motion.drives import DRIVES
 from linkage_ros.motion.drives.base import Drive
 from linkage_ros.motion.segments import Coordinates, Motion, Segment, stacked
 from linkage_ros.numeric import within_two_turns
-from linkage_ros.programs.log_tool import info
+from linkage_ros.programs.log_commands import info
 from linkage_ros.programs.record import record
 from linkage_ros.quantities import quantity
 from linkage_ros.settings.configuration import configure

@@ -14,7 +14,7 @@ from linkage_ros import ConfigurationError, Solver, read_log
 from linkage_ros.log.reader import LogReader
 from linkage_ros.messages.templates import crank_trajectory
 from linkage_ros.messages.topics import CRANK_TRAJECTORY, JOINT_COMMANDS
-from linkage_ros.programs.log_tool import info
+from linkage_ros.programs.log_commands import info
 from linkage_ros.programs.record import record, record_measured
 from linkage_ros.quantities import flatten
 from linkage_ros.run.states import Simulator

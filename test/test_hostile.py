@@ -56,7 +56,7 @@ from linkage_ros.log.recover import recover
 from linkage_ros.log.scan import LARGEST
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.drives.law import Prescribed
-from linkage_ros.programs import log_tool, replay
+from linkage_ros.programs import log_commands, log_tool, replay
 from linkage_ros.programs import record as record_module
 from linkage_ros.programs.record import record
 from linkage_ros.run.states import Simulator
@@ -315,7 +315,7 @@ def test_log_texts_are_escaped_and_shortened_on_the_terminal(stored, called):
     log = LogReader(path)
     topic = log.topics[0]._replace(name='x' * 1_000_000)
     log.topics = (topic, *log.topics[1:])
-    assert sum(map(len, log_tool.info(log))) < 1_100_000
+    assert sum(map(len, log_commands.info(log))) < 1_100_000
 
 
 # ---------------------------------------------------------------- motions and settings

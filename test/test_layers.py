@@ -11,6 +11,8 @@ from pathlib import Path
 from pages import PACKAGE_FILES, ROOT
 from ros_harness import finished
 
+import linkage_ros
+
 PACKAGE = ROOT / 'linkage_ros'
 WRONG = {
     'linkage_ros/mechanism/parts.py': (
@@ -64,3 +66,9 @@ def test_ruff_sees_every_file():
     """A folder may have the name of one that builds leave behind."""
     seen = finished([sys.executable, '-m', 'ruff', 'check', '--show-files'], cwd=ROOT).stdout
     assert {str(path) for path in PACKAGE_FILES} <= set(seen.splitlines())
+
+
+def test_every_public_name_is_found():
+    names = linkage_ros.__all__
+    assert [name for name in names if not hasattr(linkage_ros, name)] == []
+    assert set(names) <= set(dir(linkage_ros))

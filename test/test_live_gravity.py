@@ -19,7 +19,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.cdr import stamp_of
-from linkage_ros.programs.log_tool import info
+from linkage_ros.programs.log_commands import info
 from linkage_ros.settings.configuration import load
 from linkage_ros.units import NS_PER_S
 

@@ -35,7 +35,7 @@ from linkage_ros.log.rows import RowLayout
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.messages.cdr import encode_string
 from linkage_ros.messages.topics import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION
-from linkage_ros.programs import log_tool, replay
+from linkage_ros.programs import log_commands, log_tool, replay
 from linkage_ros.programs.record import record
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
@@ -230,7 +230,7 @@ def test_rows_have_the_bytes_that_the_library_would_write(tmp_path, start):
 def test_the_configuration_that_info_prints_makes_the_same_run(tmp_path, preset):
     record(load(preset), path := tmp_path / 'run.mcap', duration=0.1)
     log = LogReader(path)
-    lines = list(log_tool.info(log))
+    lines = list(log_commands.info(log))
     text = '\n'.join(lines[lines.index('configuration:') + 1 :])
     assert configure(yaml.safe_load(text)) == log.configuration
     assert re.search(r'^  crank\.length: \S+  # m$', text, re.MULTILINE)

@@ -30,7 +30,7 @@ from linkage_ros.messages.topics import (
 )
 from linkage_ros.motion.drives.follow import FollowDrive
 from linkage_ros.motion.drives.speed import SpeedDrive
-from linkage_ros.programs.log_tool import info
+from linkage_ros.programs.log_commands import info
 from linkage_ros.run.states import Simulator
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import configure, load, read_values

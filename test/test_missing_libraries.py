@@ -84,6 +84,14 @@ def test_help_needs_no_ros(hide, entry):
     assert '  rpm: ' in done.stdout
 
 
+@pytest.mark.parametrize('entry', ['log', 'chart'])
+@pytest.mark.parametrize('option', ['--help', '--version'])
+def test_help_waits_for_no_large_library(hide, entry, option):
+    hide('numpy', 'tqdm', *OF_PIP, *OF_ROS, 'matplotlib', 'scipy')
+    done = run(entry, option)
+    assert (done.returncode, done.stderr) == (0, '')
+
+
 NODE = 'node', '--ros-args', '-p', 'log:=run.mcap', '-p'
 
 

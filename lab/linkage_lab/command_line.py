@@ -10,11 +10,14 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-from linkage_lab.output import DEFAULT, FORMATS, QUANTITIES
 from linkage_ros import cli, preset_names
 from linkage_ros.quantities import Quantity, shown
 
 _NAME = 'linkage_chart'
+FORMATS = 'png', 'svg', 'pdf'
+# Diagrams of `linkage_chart motion`.
+QUANTITIES = 'position', 'velocity', 'acceleration', 'torque', 'load', 'point'
+DEFAULT = 'position', 'torque', 'load'
 _RPM = Quantity('number', 'crank speed', 'rpm', -1e6, 1e6)
 
 

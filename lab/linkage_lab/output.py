@@ -34,10 +34,6 @@ STYLE: dict[Any, Any] = {
 }  # fmt: skip
 _UNDISTURBED = 0.95  # share of a processor above which times are trusted
 _AROUND = 16  # steps beside an infinite value, beyond whose values a diagram need not reach
-FORMATS = 'png', 'svg', 'pdf'
-# Diagrams of `linkage_chart motion`.
-QUANTITIES = 'position', 'velocity', 'acceleration', 'torque', 'load', 'point'
-DEFAULT = 'position', 'torque', 'load'
 # Metadata with the source of a picture, by format. Quoting leaves no special characters, and the
 # closing one separates the source from what follows, such as a checksum.
 _METADATA = {'.png': 'Source', '.svg': 'Source', '.pdf': 'Subject'}

@@ -27,7 +27,7 @@ from scipy.integrate import cumulative_trapezoid, trapezoid
 from linkage_lab import command_line, export, output
 from linkage_lab.charts import accuracy, movie
 from linkage_lab.charts.motion import DESIGN_COLORS, _driven_by_loads
-from linkage_lab.output import QUANTITIES
+from linkage_lab.command_line import QUANTITIES
 from linkage_lab.period import (
     extent,
     mean,

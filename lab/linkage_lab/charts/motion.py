@@ -17,10 +17,10 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from linkage_lab.charts.movie import WIDE, LinkagePicture, proportion
+from linkage_lab.command_line import QUANTITIES
 from linkage_lab.flywheel import size_flywheel
 from linkage_lab.output import (
     NUMBERS,
-    QUANTITIES,
     TEXT,
     WIDTH,
     Pictures,

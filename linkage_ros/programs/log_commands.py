@@ -1,0 +1,167 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The commands of linkage_log, and what they print."""
+
+import argparse
+import math
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from datetime import datetime, timezone
+from pathlib import Path
+
+from linkage_ros import __version__, cli
+from linkage_ros.errors import LogError, printable
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.recover import Recovered, recover
+from linkage_ros.log.tables import write_csv
+from linkage_ros.log.verify import Verification, verify
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.motion.segments import Segment
+from linkage_ros.quantities import counted
+from linkage_ros.settings.notes import notes
+from linkage_ros.settings.parameters import parameter_leaves
+from linkage_ros.settings.summary import summary
+from linkage_ros.units import NS_PER_S, JointUnits
+
+# Stamps below this, s, are times since the start of a record, not dates.
+_FIRST_DATE = 10**9
+_MAX_WIDTH = 60  # width of the topic column, characters
+
+
+def info(log: LogReader) -> Iterator[str]:
+    """Describes a log: file, times, mechanism, topics, motion and configuration.
+
+    Args:
+        log: The log to describe.
+
+    Yields:
+        Lines of text.
+    """
+    solver, seconds = Solver(log.configuration.mechanism), (log.end - log.start) / NS_PER_S
+    yield from (
+        f'file:       {log.path}, {log.path.stat().st_size / 1e6:.3f} MB',
+        f'written by: linkage_ros {log.version}',
+        f'start:      {_time(log.start)}',
+        f'duration:   {seconds:.6f} s',
+        f'mechanism:  {summary(log.configuration, solver)}',
+    )
+    yield from (f'note:       {line}' for line in notes(log.configuration))
+    if solver.mobility:
+        yield from (f'            {words}' for words in solver.mobility.equalities)
+    yield 'topics:'
+    width = min(max((len(topic.name) for topic in log.topics), default=0), _MAX_WIDTH)
+    for name, count, kind, role in ((t.name, t.messages, t.type, t.role) for t in log.topics):
+        renamed = f', {role}' if role and not name.endswith(f'/{role}') else ''
+        yield f'  {name:{width}}  {count:9d}  {kind}{renamed}'
+    yield 'motion:'
+    joint = solver.structure.driven_link.units
+    yield from (f'  {_time(segment.stamp)}: {_motion(segment, joint)}' for segment in log.motions)
+    yield 'configuration:'
+    values = log.configuration.parameters()
+    leaves = parameter_leaves(log.configuration.kind, values)
+    units = {leaf.name: leaf.quantity.unit for leaf in leaves}
+    for name, value in values.items():
+        text = str(list(value) if isinstance(value, tuple) else value) or "''"
+        yield f'  {name}: {text}' + (f'  # {units[name]}' if units[name] else '')
+
+
+def _motion(segment: Segment, units: JointUnits) -> str:
+    under = f', gravity {list(segment.gravity)} m/s^2' if segment.gravity else ''
+    return f'{segment.words(units)}{under}'
+
+
+def _time(stamp: int) -> str:
+    if stamp < _FIRST_DATE * NS_PER_S:
+        return f'{stamp / NS_PER_S:.6f} s'
+    date = datetime.fromtimestamp(stamp // NS_PER_S, timezone.utc)
+    return f'{date:%Y-%m-%d %H:%M:%S}.{stamp % NS_PER_S // 1000:06d} UTC'
+
+
+def verdict(log: LogReader, report: Verification) -> Iterator[str]:
+    """Describes the outcome of a verification.
+
+    Args:
+        log: The verified log.
+        report: Result of `verify`.
+
+    Yields:
+        Lines of text.
+    """
+    if report.difference:
+        yield f'{log.path}: DIFFERS: {report.difference}'
+        equal = counted(report.states, 'state')
+        yield f'  equal before it: {equal}; later messages were not compared'
+    else:
+        equal = f'within {math.ceil(report.ulp)} ulp' if report.ulp else 'to the bit'
+        yield f'{log.path}: {counted(report.states, "state")}, every one equal {equal}'
+        yield f'  compared: {", ".join(report.compared) or "nothing"}'
+    notes = (
+        (report.others, f'not recomputable, so not compared: {", ".join(report.others)}'),
+        (log.dropped,
+         f'states and other messages dropped, because the disk was too slow: {log.dropped}'),
+        (report.stops_at_gap,
+         'states after this were not compared: they depend on measurements that the log lost'),
+        (report.absent, f'not in the log: {", ".join(report.absent)}'),
+        (report.missed,
+         f'{counted(report.missed, "tick")} without a state: the run was late or lost states'),
+        (log.lost is None,
+         'no end record, as after the recovery of an incomplete log: states may be missing'),
+        (report.cut, f'the last state is cut off, before {", ".join(report.cut)}'),
+        (log.version != __version__,
+         f'written by linkage_ros {log.version}, recomputed by {__version__}'),
+    )  # fmt: skip
+    yield from (f'  {words}' for holds, words in notes if holds)
+
+
+def saved(path: Path, done: Recovered) -> str:
+    """Describes the outcome of a recovery in one line."""
+    lost = []
+    if done.places:
+        places = counted(done.places, 'damaged place')
+        lost.append(f'{counted(done.damaged, "byte")} in {places}')
+    if done.unknown:
+        lost.append(f'{counted(done.unknown, "message")} of unknown topics')
+    return (
+        f'{path}: {counted(done.messages, "message")} saved, {done.duration:.3f} s; '
+        f'lost: {", ".join(lost) or "nothing that was on the disk"}'
+    )
+
+
+def _info(options: argparse.Namespace) -> None:
+    _print(info(LogReader(options.log)))
+
+
+def _verify(options: argparse.Namespace) -> int:
+    log = LogReader(options.log)
+    most = max((topic.messages for topic in log.topics), default=0)
+    with cli.progress_bar(total=most, unit=' states', unit_scale=True, delay=2) as bar:
+        report = verify(log, bar.update)
+    if not report.states and not report.difference:
+        raise LogError(f'{options.log} has no states: there is nothing to verify')
+    _print(verdict(log, report))
+    return 1 if report.difference else 0
+
+
+def _recover(options: argparse.Namespace) -> int:
+    with cli.progress_bar(unit='B', unit_scale=True, delay=2) as bar:
+        done = recover(options.log, options.out, overwrite=options.overwrite, progress=bar.update)
+    _print([saved(options.out, done)])
+    return 1 if done.places and not done.messages else 0
+
+
+def _csv(options: argparse.Namespace) -> None:
+    with cli.progress_bar(unit='B', unit_scale=True, delay=2) as bar:
+        topic, rows, invalid = write_csv(
+            options.log, options.out, topic=options.topic, overwrite=options.overwrite,
+            progress=bar.update,
+        )  # fmt: skip
+    left_out = f'; left out: {counted(invalid, "damaged message")}' if invalid else ''
+    _print([f'{options.out}: {counted(rows, "row")} from {topic}{left_out}'])
+
+
+def _print(lines: Iterable[str]) -> None:
+    with suppress(BrokenPipeError):  # without a reader, the exit code still shows the outcome
+        print('\n'.join(map(printable, lines)))
+
+
+COMMANDS = {'info': _info, 'verify': _verify, 'recover': _recover, 'csv': _csv}
