@@ -4,6 +4,7 @@
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -48,6 +49,11 @@ def measures(mechanism, speed=SPEED):
     return _measures(speed_driven_period(mechanism, speed, reactions=reactions))
 
 
+@cache
+def right_measures(name):
+    return measures(MACHINES[name])
+
+
 def assert_same(found, right):
     assert found.keys() == right.keys()
     # The mean power of a machine without losses is a rounding error.
@@ -62,9 +68,7 @@ def assert_same(found, right):
 
 @pytest.mark.parametrize('name', MACHINES)
 def test_a_machine_turned_as_a_whole_has_the_same_table(name):
-    right = measures(MACHINES[name])
-    for angle in (0.1234, -2.2):
-        assert_same(measures(turned(MACHINES[name], angle)), right)
+    assert_same(measures(turned(MACHINES[name], -2.2)), right_measures(name))
 
 
 @pytest.mark.parametrize('name', [x for x in MACHINES if has_finite_forces(MACHINES[x])])
@@ -81,7 +85,7 @@ def test_a_machine_with_friction_turned_as_a_whole_has_the_same_table(name):
 
 @pytest.mark.parametrize('name', MACHINES)
 def test_the_mirror_image_at_the_opposite_speed_has_the_same_table(name):
-    assert_same(measures(mirrored(MACHINES[name]), -SPEED), measures(MACHINES[name]))
+    assert_same(measures(mirrored(MACHINES[name]), -SPEED), right_measures(name))
 
 
 def test_tables_and_frames_of_the_mirror_image_are_mirrored():

@@ -169,7 +169,7 @@ def expected_measures(solver, angles, points):
 @pytest.mark.parametrize('kinds', KINDS)
 @pytest.mark.parametrize('preset', LENGTHS)
 def test_measures_match_the_solver(preset, kinds):
-    mechanism, names, table = drawn(preset, 30, seed=2, kinds=kinds)
+    mechanism, names, table = drawn(preset, 16, seed=2, kinds=kinds)
     points = (0.1 + 0.2j, -0.1 + 0.1j)
     solvers = [solver_of(mechanism, names, row) for row in table]
     expected = [expected_measures(x, 360, points) if x else None for x in solvers]
@@ -178,7 +178,7 @@ def test_measures_match_the_solver(preset, kinds):
         Task(mechanism, RPM, names, measures, 360, points, None, 'coupler_point'), table
     )
     assert (found[:, 0] == TURNS).tolist() == [x is not None for x in solvers]
-    assert 10 < sum(found[:, 0] == TURNS) < 30
+    assert 5 < sum(found[:, 0] == TURNS) < 16
     for row, wanted in zip(found[:, 1:], expected, strict=True):
         if wanted is None:
             assert np.isnan(row).all()
@@ -231,7 +231,7 @@ def test_designs_equal_machines_of_their_own_parameter_files(preset, sign, tmp_p
     leaves = [*parameters(base.mechanism, sign * RPM)]
     names = tuple(leaf.name for leaf in leaves)
     values = np.array([leaf.default for leaf in leaves])
-    shares = np.random.default_rng(7).uniform(-0.02, 0.02, (32, len(names)))
+    shares = np.random.default_rng(7).uniform(-0.02, 0.02, (16, len(names)))
     lows, highs = np.transpose([(leaf.quantity.low, leaf.quantity.high) for leaf in leaves])
     table = np.clip(values + shares * np.where(values, values, 0.1), lows, highs)
     measures = tuple(
@@ -263,7 +263,7 @@ def test_designs_equal_machines_of_their_own_parameter_files(preset, sign, tmp_p
             {name: expected[name] for name in measures}, rel=1e-12, nan_ok=True
         )
         compared += len(measures)
-    assert compared > 80
+    assert compared > 40
 
 
 @pytest.mark.parametrize(
