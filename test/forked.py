@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 from subprocess import PIPE, STDOUT
+from unittest.mock import patch
 
 _PROCESSES = multiprocessing.get_context('forkserver')
 # rclpy is imported here, and initialised by each program.
@@ -27,6 +28,7 @@ _PROCESSES.set_forkserver_preload(
         *('matplotlib.figure', 'matplotlib.backends.backend_agg', 'rerun', 'scipy.integrate'),
     ]
 )
+_VARIABLES = dict(os.environ)
 _LAB = {'chart': 'command_line', 'export': 'export', 'import': 'robots.import_tool'}
 
 
@@ -58,7 +60,9 @@ class Forked:
         self._process = _PROCESSES.Process(
             target=_run, args=(self.args, dict(env), str(cwd or Path.cwd()), *writers)
         )
-        self._process.start()
+        # The first start starts the process that forks, which a test's variables must not change.
+        with patch.dict(os.environ, _VARIABLES, clear=True):
+            self._process.start()
         self.pid = self._process.pid
         self._files = [os.fdopen(os.dup(reader.fileno())) for reader, _ in pipes]
         for end in (end for pipe in pipes for end in pipe):

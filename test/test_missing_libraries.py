@@ -6,7 +6,7 @@ import os
 import sys
 
 import pytest
-from ros_harness import assert_refused, finished, stop, watched
+from ros_harness import assert_refused, command, finished, stop, watched
 
 from linkage_ros import cli
 from linkage_ros.programs.record import record
@@ -63,7 +63,7 @@ def test_solver_needs_numpy_alone(hide):
 
 def test_node_without_log_and_viewer_runs_on_debian_packages_alone(hide):
     hide(*OF_PIP, 'matplotlib', 'scipy')
-    with watched(['/joint_states']) as (listener, node):
+    with watched(['/joint_states'], program=command('node')) as (listener, node):
         listener.await_more(50)
         stop(node)
 
