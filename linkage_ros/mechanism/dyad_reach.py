@@ -67,8 +67,8 @@ def reach_of(mechanism: Any) -> Reach | None:
         cures.append(f'change lengths or ends of the dyad {given.name}')
         if not arcs:
             raise MechanismError(
-                f'the dyad {given.name} does not close at any crank angle that the linkage '
-                f'reaches; it comes nearest at {place}, {words}; {cures[-1]}'
+                f'the dyad {given.name} does not close anywhere in the reach of the '
+                f'{reach.driven}; it comes nearest at {place}, {words}; {cures[-1]}'
             )
     if len(limits) == len(reach.limits):
         return reach

@@ -17,6 +17,7 @@ from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.loads.base import Range, continuous
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Link
+from linkage_ros.units import place_words
 
 _ROUNDING = 1e-9  # relative to the span of the points
 
@@ -53,15 +54,16 @@ class Ranges:
         Raises:
             ConfigurationError: It reverses inside the stroke.
         """
+        driven = self._solver.structure.driven_link
         for angle in reversals if self._one_way else ():
             position = self._solver.state(angle).position
             for label, (link, low, high, _) in self._one_way.items():
                 if low < position[link] < high:
                     raise ConfigurationError(
-                        f'{label}: the crank reverses at {angle:.6g} rad = '
-                        f'{math.degrees(angle):.6g} deg, inside the stroke, where the valves '
+                        f'{label}: the {driven.driven_word} reverses at '
+                        f'{place_words(angle, driven.units)}, inside the stroke, where the valves '
                         'would not switch at once; leave outlet out for a closed cylinder, or '
-                        'keep the crank turning'
+                        'keep a crank turning'
                     )
 
     def see(self, state: State) -> None:
