@@ -980,6 +980,7 @@ def wrap(angle):
 
 
 def complex_of(pair):
+    pair = pair or (0.0, 0.0)  # the first pin
     return mp.mpc(mp.mpf(pair[0]), mp.mpf(pair[1]))
 
 

@@ -3,6 +3,7 @@
 """Machines as they are drawn: the same states as the machines from which they were drawn."""
 
 import cmath
+import math
 import random
 from dataclasses import replace
 
@@ -10,9 +11,18 @@ import numpy as np
 import pytest
 from test_dyads import random_structure
 
-from linkage_ros import Solver
+from linkage_ros import ConfigurationError, Force, Friction, Solver, Spring
 from linkage_ros.mechanism.axes import axes_of
-from linkage_ros.mechanism.drawing import UNITS, Drawing, DrawnLink, DrawnSlide
+from linkage_ros.mechanism.drawing import (
+    UNITS,
+    Drawing,
+    DrawnCylinder,
+    DrawnLink,
+    DrawnMass,
+    DrawnSlide,
+)
+from linkage_ros.mechanism.points import TracedPoint
+from linkage_ros.settings.configuration import configure, from_strings, to_strings
 
 STRUCTURES = 40  # 2000 were run by hand
 
@@ -119,3 +129,197 @@ def test_a_drawn_machine_moves_as_the_machine_it_was_drawn_from(seed):
     found = drawing.mechanism(gravity=mechanism.gravity)
     assert set(found.parts()) == set(names.values())
     assert difference(mechanism, found, (q, found.drawn.position), u, a) < 1e-11
+
+
+# ---------------------------------------------------------------- one machine
+
+PINS = {
+    'O': (0.0, 0.0), 'A': (30.0, 40.0), 'B': (120.0, 90.0), 'Q': (140.0, 0.0),
+    'P': (80.0, 120.0), 'S': (260.0, 120.0), 'G': (200.0, -20.0),
+}  # fmt: skip
+LINKS = {
+    'crank': {'pins': ['O', 'A']},
+    'coupler': {'pins': ['A', 'B', 'P'], 'mass': 0.5, 'inertia': 0.001, 'center': [75.0, 80.0]},
+    'rocker': {'pins': ['B', 'Q']},
+    'conrod': {'pins': ['B', 'S'], 'mass': 0.2, 'center': [190.0, 105.0]},
+}
+SLIDES = {'ram': {'pin': 'S', 'direction': [1.0, 0.0], 'mass': 1.0}}
+CYLINDERS = {'gas': {'from': 'G', 'to': 'P'}}
+
+
+def values(**changes):
+    """Returns the parameters of the machine, with some groups of the drawing changed."""
+    groups = {
+        'units': 'mm', 'input': 'crank', 'frame': ['O', 'Q', 'G'], 'pins': PINS, 'links': LINKS,
+        'slides': SLIDES, 'cylinders': CYLINDERS,
+    }  # fmt: skip
+    found = {'mechanism': 'drawing', 'rpm': 60.0}
+
+    def add(name, value):
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                add(f'{name}.{key}', inner)
+        else:
+            found[name] = value
+
+    for name, value in (groups | changes).items():
+        add(f'drawing.{name}', value)
+    return found
+
+
+def test_a_drawing_gives_its_names_to_links_joints_and_points():
+    structure = configure(values()).mechanism.structure()
+    assert [x.name for x in structure.links] == ['crank', 'coupler', 'rocker', 'conrod', 'ram']
+    # Three links meet at B: the coupler carries two of them.
+    joints = {pin.name: (pin.first, pin.second) for pin in structure.pins}
+    assert joints == {
+        'O': (None, 0), 'A': (0, 1), 'B': (1, 2), 'Q': (None, 2), 'B_conrod': (1, 3), 'S': (3, 4),
+    }  # fmt: skip
+    assert structure.traced == {'P': 'coupler'}
+
+
+def test_the_drawn_position_is_the_start_and_a_log_restores_the_drawing():
+    configuration = configure(values())
+    solver = Solver(configuration.mechanism)
+    state = solver.state(configuration.drive.crank_angle)
+    for name, place in PINS.items():
+        if name != 'G':
+            found = solver.point(state, name).position
+            assert np.allclose(found, np.array(place) / 1000, rtol=0, atol=1e-15)
+    again = from_strings(to_strings(configuration))
+    assert again.mechanism == configuration.mechanism
+    assert again.parameters() == configuration.parameters()
+
+
+def test_places_of_loads_and_points_are_as_drawn():
+    drawing = configure(values()).given.drawing
+    at_pin = drawing.mechanism(
+        loads=[Force(force=(3.0, -5.0), pin='P'), Spring(cylinder='gas', stiffness=80.0)]
+    )
+    as_drawn = drawing.mechanism(
+        loads=[
+            Force('coupler', (3.0, -5.0), (80.0, 120.0)),
+            Spring('coupler', (80.0, 120.0), 'frame', (200.0, -20.0), 80.0),
+        ],
+        points=[TracedPoint('tip', 'coupler', (80.0, 120.0))],
+    )
+    states = [Solver(x).state(0.4, 2.0) for x in (at_pin, as_drawn)]
+    assert states[0] == states[1]
+    solver = Solver(as_drawn)
+    assert solver.point(states[1], 'tip') == solver.point(states[1], 'P')
+
+
+def test_a_force_at_a_pin_acts_on_its_carrier():
+    plain = configure(values()).mechanism
+    pin = Force(force=(3.0, -5.0), pin='B')
+    place = Force('coupler', (3.0, -5.0), (plain.coupler.length, 0.0))
+    one, other = (Solver(replace(plain, loads=(load,))) for load in (pin, place))
+    forces = [solver.reactions(solver.state(0.4, 2.0)) for solver in (one, other)]
+    for name in forces[0].pins:
+        assert np.allclose(*(force.pins[name] for force in forces), rtol=1e-12)
+    assert math.isclose(*(force.torque for force in forces), rel_tol=1e-12)
+
+
+def test_friction_names_the_joints_of_the_drawing():
+    plain = configure(values()).mechanism
+    joints = [pin.name for pin in plain.structure().pins]
+    found = Solver(replace(plain, loads=(Friction(pin=0.1, pin_radius=0.01),)))
+    assert {*found.reactions(found.state(0.4, 2.0)).pins} == {*joints}
+
+
+@pytest.mark.parametrize('scale', [0.1, 0.3, 1.0, 7.7])
+@pytest.mark.parametrize('quarter', range(4))
+def test_a_drawn_parallelogram_is_one(quarter, scale):
+    rng = random.Random(quarter)
+    for _ in range(20):
+        turn = 1j**quarter
+        a, d = (round(rng.uniform(10, 990), 1) + 1j * round(rng.uniform(-400, 400), 1)
+                for _ in range(2))  # fmt: skip
+        a, d = a * turn, d * turn * scale
+        pins = {'O': 0j, 'A': a, 'Q': d, 'B': a + d}
+        pins = {x: (round(y.real, 1), round(y.imag, 1)) for x, y in pins.items()}
+        pins['B'] = tuple(round(x + y, 1) for x, y in zip(pins['A'], pins['Q'], strict=True))
+        drawing = Drawing(
+            units='mm', input='a', frame=['O', 'Q'], pins=pins,
+            links=[DrawnLink('a', ['O', 'A']), DrawnLink('b', ['A', 'B']),
+                   DrawnLink('c', ['Q', 'B'])],
+        )  # fmt: skip
+        assert drawing.mechanism().grashof == 'change-point'
+
+
+def test_a_driven_cylinder_has_a_barrel_and_a_rod():
+    drawing = Drawing(
+        input='boom', frame=['O', 'G'],
+        pins={'O': (0, 0), 'A': (0.8, 0.5), 'G': (0.5, -0.4), 'tip': (1.5, 0.6)},
+        links=[DrawnLink('arm', ['O', 'A', 'tip'], 5.0, 0.3, (0.7, 0.3))],
+        cylinders=[DrawnCylinder('boom', 'G', 'A', rod=DrawnMass(2.0, 0.01, (0.7, 0.2)))],
+    )  # fmt: skip
+    solver = Solver(drawing.mechanism())
+    assert solver.links == ('arm', 'boom_barrel', 'boom_rod')
+    assert solver.structure.driven_link.name == 'boom_rod'
+    state = solver.state(solver.mechanism.drawn.position)
+    assert np.allclose(solver.point(state, 'tip').position, (1.5, 0.6), rtol=0, atol=1e-15)
+
+
+# ---------------------------------------------------------------- refusals
+
+
+def without(group, *names):
+    return {name: value for name, value in group.items() if name not in names}
+
+
+CROSSED = {**PINS, 'Z': (300.0, 0.0)}
+REFUSED = {
+    'a pin misspelt': ({'links': {**LINKS, 'rocker': {'pins': ['b', 'Q']}}}, "no pin 'b'"),
+    'a link with one pin': ({'links': {**LINKS, 'rocker': {'pins': ['Q']}}}, 'two pins or more'),
+    'a pin twice': ({'links': {**LINKS, 'crank': {'pins': ['O', 'O']}}}, 'one pin twice: O'),
+    'a pin of nothing': ({'pins': CROSSED}, 'drawing.pins.Z: neither'),
+    'pins on each other': ({'pins': {**PINS, 'S': PINS['B']}}, 'same place as B'),
+    'no such input': ({'input': 'motor'}, "drawing.input = 'motor': must be one of"),
+    'input not on the frame': ({'input': 'coupler'}, 'exactly one fixed pin, and has no fixed'),
+    'input on two pins': (
+        {'links': {**LINKS, 'crank': {'pins': ['O', 'A', 'G']}}}, 'has O and G'),
+    'a frame pin missing': ({'frame': ['O', 'G']}, 'no loop'),
+    'a slide without a direction': (
+        {'slides': {'ram': {'pin': 'S', 'direction': [0.0, 0.0]}}}, 'must be a direction'),
+    'a slide without a pin': ({'slides': {'ram': {'direction': [1.0, 0.0]}}}, 'give pin, or pins'),
+    'a slide on nothing': (
+        {'slides': {'ram': {'pin': 'S', 'on': 'rail', 'direction': [1.0, 0.0]}}}, "on = 'rail'"),
+    'a name that ROS reads as a boolean': (
+        {'links': {**without(LINKS, 'rocker'), 'no': {'pins': ['B', 'Q']}}}, 'boolean'),
+    'a reserved name': (
+        {'links': {**without(LINKS, 'rocker'), 'world': {'pins': ['B', 'Q']}}}, 'links.world'),
+    'a name of two parts': (
+        {'slides': {'rocker': SLIDES['ram']}}, 'has the name of drawing.links.rocker'),
+    'a mass without a center': (
+        {'links': {**LINKS, 'rocker': {'pins': ['B', 'Q'], 'mass': 1.0}}},
+        r'center: \[130, 45\]'),
+    'a center of a slide of the frame': (
+        {'slides': {'ram': {**SLIDES['ram'], 'center': [1.0, 1.0]}}}, 'it is the pin'),
+    'a link held twice': (
+        {'links': {**LINKS, 'bar': {'pins': ['P', 'G']}}}, 'is held at'),
+    'links in line': (
+        {'pins': {**PINS, 'S': (260.0, 90.0)}, 'links': LINKS,
+         'slides': {'ram': {**SLIDES['ram'], 'direction': [0.0, 1.0]}}}, 'in line at S'),
+    'two degrees of freedom': (
+        {'links': {**LINKS, 'far': {'pins': ['S', 'Z']}, 'end': {'pins': ['Z', 'W']}},
+         'pins': {**CROSSED, 'W': (400.0, 50.0)}}, 'degrees of freedom'),
+    'no freedom': (
+        {'links': {**LINKS, 'strut': {'pins': ['A', 'Q']}}}, 'strut is held at A and Q'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('mistake', REFUSED)
+def test_a_mistake_is_named_with_its_cure(mistake):
+    changes, words = REFUSED[mistake]
+    with pytest.raises(ConfigurationError, match=words) as error:
+        configure(values(**changes))
+    assert '\n' not in str(error.value)
+
+
+def test_all_mistakes_are_named_at_once():
+    links = {**LINKS, 'rocker': {'pins': ['b', 'Q']}, 'crank': {'pins': ['O']}}
+    with pytest.raises(ConfigurationError) as error:
+        configure(values(links=links, input='motor'))
+    for words in ("'b'", 'two pins or more', "'motor'"):
+        assert words in str(error.value)

@@ -139,7 +139,7 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     sensors.append(_element('actuatorfrc', name=f'{driven}_effort', actuator=driven))
     for point in mechanism.points:
         name, link = f'{joint_prefix}{point.name}', structure.link_index(point.link, point.name)
-        bodies[link].append(_site(name, complex(*point.at)))
+        bodies[link].append(_site(name, complex(*(point.at or (0.0, 0.0)))))
         sensors.append(_element('framepos', name=name, objtype='site', objname=name))
     root = _element(
         'mujoco',
@@ -265,16 +265,29 @@ class _Passive:
         kinds[type(load)](load)
         return True
 
-    def _add_site(self, name: str, link: str, at: tuple[float, float]) -> str:
-        number = -1 if link == 'frame' else self._structure.link_index(link, name)
-        self._bodies[number].append(_site(name, complex(*at)))
+    def _add_site(self, name: str, link: int, point: Point) -> str:
+        """Adds a site to a body or, where a closed pin is not a point of it, to the one there."""
+        for j in (link, *range(len(self._names))) if any(point.weights) else ():
+            arm = point.minus(self._structure.point_of(j, (0.0, 0.0)))
+            spin, guide = axes_of(self._structure.links, j)
+            rest = [x for k, x in enumerate((*arm.weights, arm.fixed)) if x and k != spin]
+            if spin is None and not any(arm.weights):
+                rest, at = [], arm.fixed
+            else:
+                at = 0j if spin is None else arm.weights[spin]
+            if not rest:
+                self._bodies[j].append(_site(name, at * cmath.rect(1.0, -(guide or 0.0))))
+                return name
+        self._bodies[-1].append(_site(name, point.fixed))
         return name
 
     def _add_force(self, one: Force) -> None:
-        site, world = self._add_site(one.name, one.link, one.at), f'{one.name}_axes'
+        place = self._structure.place_of(one.label, one.link, one.at, one.pin)
+        site, world = self._add_site(one.name, *place), f'{one.name}_axes'
         axes = {}
         if one.axes == 'world':
-            axes = {'refsite': self._add_site(world, 'frame', (0.0, 0.0))}
+            origin = -1, self._structure.point_of(-1, (0.0, 0.0))
+            axes = {'refsite': self._add_site(world, *origin)}
         gear = _text(*one.force, 0.0, 0.0, 0.0, 0.0)
         self.forces.append(_element(
             'general', name=one.name, site=site, **axes, gear=gear, gainprm='0',
@@ -282,7 +295,7 @@ class _Passive:
         ))  # fmt: skip
 
     def _add_spring(self, one: Spring) -> None:
-        ends = (one.link, one.at), (one.to, one.to_at)
+        ends = one.ends(self._structure)
         sites = [self._add_site(f'{one.name}_{i}', *end) for i, end in enumerate(ends, 1)]
         self.tendons.append(_element(
             'spatial', *(_element('site', site=site) for site in sites), name=one.name,

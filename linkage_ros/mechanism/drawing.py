@@ -35,6 +35,7 @@ from linkage_ros.mechanism.parts import (
     Slider,
     gravity_quantity,
 )
+from linkage_ros.mechanism.points import TracedPoint, points_field
 from linkage_ros.mechanism.slider_crank import SliderCrank
 from linkage_ros.quantities import Checked, groups, named, quantity, required, shown
 
@@ -195,17 +196,19 @@ class Drawing(Checked):
         *,
         gravity: tuple[float, float] = (0.0, -9.81),
         loads: Sequence[AppliedLoad] = (),
+        points: Sequence[TracedPoint] = (),
     ) -> Mechanism:
         """Returns the mechanism that the drawing shows.
 
         Args:
             gravity: Acceleration of gravity [x, y], m/s^2.
-            loads: Loads; their points `at` and `to_at` are as drawn, in the drawing's units.
+            loads: Loads; their places `at` and `to_at` are as drawn, in the drawing's units.
+            points: Traced points besides the pins of one link alone; their places are as drawn.
 
         Raises:
             ConfigurationError: The drawing shows no mechanism that consists of a loop and dyads.
         """
-        return _Conversion(self).mechanism(gravity=gravity, loads=tuple(loads))
+        return _Conversion(self).mechanism(gravity, loads, points)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,16 +218,18 @@ class DrawnMechanism(Checked):
     Attributes:
         drawing: The drawing.
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Loads; their points are as drawn.
+        loads: Loads; their places are as drawn.
+        points: Traced points besides the pins of one link alone; their places are as drawn.
     """
 
     drawing: Drawing
     gravity: tuple[float, float] = gravity_quantity()
     loads: tuple[Any, ...] = loads_field()
+    points: tuple[Any, ...] = points_field()
 
     def converted(self) -> Mechanism:
         """Returns the mechanism; see `Drawing.mechanism`."""
-        return self.drawing.mechanism(gravity=self.gravity, loads=self.loads)
+        return self.drawing.mechanism(gravity=self.gravity, loads=self.loads, points=self.points)
 
     @classmethod
     def drives(cls, values: Mapping[str, object]) -> tuple[tuple[str, ...], str]:
@@ -513,7 +518,7 @@ class _Conversion:
                 self.bodies[rod] = _Body(rod, (cylinder.to,), cylinder.rod, barrel, way)
         self.axes: dict[str, _Axes] = {}
 
-    def mechanism(self, **others: Any) -> Mechanism:
+    def mechanism(self, gravity: Any, loads: Sequence[Any], points: Sequence[Any]) -> Mechanism:
         """Returns the mechanism; see `Drawing.mechanism`.
 
         Raises:
@@ -531,8 +536,13 @@ class _Conversion:
                 raise ConfigurationError(self.unsolved(waiting))
             dyads.append(found)
             waiting = {name: body for name, body in waiting.items() if name not in self.axes}
-        loads = tuple(self.as_solved(load) for load in others.pop('loads'))
-        return replace(cast('Any', mechanism), dyads=tuple(dyads), loads=loads, **others)  # type: ignore[no-any-return]
+        changes = {
+            'dyads': tuple(dyads),
+            'loads': tuple(self.as_solved(load) for load in loads),
+            'points': (*self.points(), *(self.as_solved(point) for point in points)),
+            'gravity': gravity,
+        }
+        return cast('Mechanism', replace(cast('Any', mechanism), **changes))
 
     # ------------------------------------------------------------ the loop
 
@@ -916,19 +926,73 @@ class _Conversion:
         part = body.part
         return kind(mass=part.mass, inertia=part.inertia, center=self.center(body), **others)
 
-    def as_solved(self, load: AppliedLoad) -> AppliedLoad:
-        """Returns a load whose points are in the axes of its links instead of as drawn."""
-        names = {x.name for x in fields(cast('Any', load))}
-        changes = {}
-        for link, at in (('link', 'at'), ('to', 'to_at')):
-            if {link, at} <= names and isinstance(getattr(load, at), tuple):
-                body = getattr(load, link)
-                if body in self.axes or body == FRAME:
-                    place = Exact.of(getattr(load, at), self.unit).minus(self.origin_of_all())
-                    changes[at] = (
-                        place.rounded if body == FRAME else self.in_axes(self.axes[body], place)
-                    )
-        return replace(cast('Any', load), **changes) if changes else load
+    def points(self) -> Iterator[TracedPoint]:
+        """Yields the pins of one link alone, as points of it."""
+        for pin in self.at:
+            owners = [body.name for body in self.bodies.values() if pin in body.pins]
+            if len(owners) == 1 and pin not in self.drawing.frame:
+                yield TracedPoint(pin, owners[0], self.local(owners[0], pin))
+
+    def place(self, label: str, body: str, at: tuple[float, float] | None) -> tuple[float, float]:
+        """Returns a place [along, across] on a body, m, given as drawn.
+
+        Raises:
+            ConfigurationError: There is no such body, or no place.
+        """
+        if body != FRAME and body not in self.axes:
+            names = _listed([*self.axes, FRAME])
+            raise ConfigurationError(f'{label} = {shown(body)}: must be one of {names}')
+        if at is None:
+            raise ConfigurationError(f'{label}: give the place on {body} as drawn, [x, y], or pin')
+        place = Exact.of(at, self.unit).minus(self.origin_of_all())
+        return place.rounded if body == FRAME else self.in_axes(self.axes[body], place)
+
+    def place_of_pin(self, label: str, pin: str, link: str) -> tuple[str, tuple[float, float]]:
+        """Returns a link, or the carrier of a pin, and the place of the pin on it, m.
+
+        Raises:
+            ConfigurationError: There is no such pin, or no link has it.
+        """
+        owners = [name for name in self.axes if pin in self.bodies[name].pins]
+        if pin in self.drawing.frame:
+            owners.insert(0, FRAME)
+        if not owners or link not in {'', *owners}:
+            known = _listed(owners) if owners else _listed(self.at)
+            what = f'link {shown(link)} at the pin {pin}' if owners else f'pin {shown(pin)}'
+            raise ConfigurationError(f'{label}: no {what}; must be one of {known}')
+        body = link or owners[0]
+        return body, self.local(body, pin)
+
+    def as_solved(self, load: Any) -> Any:
+        """Returns a load or a point with its places in the axes of its links, instead of as drawn.
+
+        Raises:
+            ConfigurationError: A pin, a link or a cylinder does not exist.
+        """
+        label = getattr(load, 'label', f'points.{load.name}')
+        cylinder, known = getattr(load, 'cylinder', ''), {x.name for x in fields(load)}
+        if cylinder:
+            given = {x.name: x for x in self.drawing.cylinders if x.name != self.drawing.input}
+            if cylinder not in given:
+                raise ConfigurationError(
+                    f'{label}.cylinder = {shown(cylinder)}: must be one of {_listed(given)}'
+                )
+            pins = given[cylinder].from_, given[cylinder].to
+            if pins[0] in self.drawing.frame:
+                pins = pins[1], pins[0]
+            load = replace(load, cylinder='', pin=pins[0], to_pin=pins[1], to=FRAME)
+        changes: dict[str, Any] = {}
+        for link, at, pin in (('link', 'at', 'pin'), ('to', 'to_at', 'to_pin')):
+            if not {link, at} <= known:
+                continue
+            name, place = getattr(load, link), getattr(load, at)
+            if given_pin := getattr(load, pin, ''):
+                own = '' if link == 'to' and name == FRAME else name
+                changes[link], changes[at] = self.place_of_pin(label, given_pin, own)
+                changes[pin] = ''
+            elif name:
+                changes[at] = self.place(f'{label}.{link}', name, place)
+        return replace(load, **changes) if changes else load
 
     # ------------------------------------------------------------ refusals
 

@@ -19,13 +19,13 @@ class TracedPoint(Checked):
         name: Name of the point, in topics, columns and pictures.
         link: Link that carries the point.
         at: The point, [along, across] from the link's first pin, m; on a sliding link, from its
-            pin in the axes of its guide.
+            pin in the axes of its guide; None for that pin.
     """
 
     name: str = required()
     link: str = quantity('text', 'link that carries the point')
-    at: tuple[float, float] = quantity(
-        'pair', 'point [along, across] on its link', 'm', span=(-1e9, 1e9), default=(0.0, 0.0)
+    at: tuple[float, float] | None = quantity(
+        'pair', 'point [along, across] on its link', 'm', span=(-1e9, 1e9), default=None
     )
 
     def __post_init__(self) -> None:
@@ -59,6 +59,6 @@ def with_points(structure: Structure, points: Sequence[TracedPoint]) -> Structur
                 )
             taken.add(point.name)
             link = structure.link_index(point.link, f'points.{point.name}.link')
-            found[point.name] = structure.point_of(link, point.at)
+            found[point.name] = structure.point_of(link, point.at or (0.0, 0.0))
     mistakes.check()
     return structure._replace(points=found, traced={x.name: x.link for x in points})

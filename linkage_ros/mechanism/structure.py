@@ -380,6 +380,49 @@ class Structure(NamedTuple):
             return pin._replace(fixed=pin.fixed + arm)
         return pin.along(spin, arm.real, arm.imag)
 
+    def place_of(
+        self, what: str, link: str, at: tuple[float, float] | None, pin: str, *others: str
+    ) -> tuple[int, Point]:
+        """Returns where a load acts.
+
+        Args:
+            what: Start of the names of its settings, for error messages.
+            link: Name of the link; empty if a pin is given.
+            at: The place on the link; None for its first pin. See `point_of`.
+            pin: Name of a pin, which acts on the link that carries it, or of a traced point;
+                empty if a link is given.
+            *others: 'frame' if the load may act on it.
+
+        Returns:
+            Index of the link, or FRAME, and the point.
+
+        Raises:
+            ConfigurationError: There is no such link or pin, or both are given.
+        """
+        if not pin:
+            is_fixed = link in others
+            index = FRAME if is_fixed else self.link_index(link, what, *others)
+            return index, self.point_of(index, at or (0.0, 0.0))
+        if link or at is not None:
+            raise ConfigurationError(
+                f'{what} and its place: leave them out beside pin = {shown(pin)}, or leave out pin'
+            )
+        carriers = {joint.name: joint.first for joint in reversed(self.pins)}
+        names = [x.name for x in self.links]
+        carriers |= {name: names.index(x) for name, x in self.traced.items()}
+        if pin not in carriers:
+            raise ConfigurationError(
+                f'{what}: no pin {shown(pin)}; must be one of {", ".join(carriers)}'
+            )
+        carrier = carriers[pin]
+        if carrier is None:
+            if not others:
+                raise ConfigurationError(
+                    f'{what}: the frame carries the pin {shown(pin)}; give link and at instead'
+                )
+            return FRAME, self.points[pin]
+        return carrier, self.points[pin]
+
     def loop_residual(self, state: State) -> float:
         """Computes the largest closure error of loop and dyads, m, at a state of floats."""
         found = []

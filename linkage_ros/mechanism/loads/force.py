@@ -4,8 +4,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Vector, dot, turned
 from linkage_ros.mechanism.axes import spin_of
 from linkage_ros.mechanism.kinematics import LinkPose
@@ -23,23 +24,25 @@ class Force(AppliedLoad):
     """A force at a point of a link.
 
     Attributes:
-        link: Name of the link.
+        link: Name of the link; empty if `pin` is given.
         force: Force [x, y] on the link, N.
         at: Point [along, across] from the link's first pin, m; on a slider, from its pin in the
-            axes of the guide.
+            axes of the guide; None for that pin.
         axes: Axes of `force`: 'world' for those of base_link, 'link' for along and across the
             link, or the guide.
         wrench_topic: Topic of messages with the force; empty for a constant force.
         wrench_timeout: Time for which a message acts, s. Without one, `force` acts.
+        pin: Pin or traced point at which the force acts, instead of `link` and `at`.
     """
 
-    link: str = quantity('text', 'link on which the force acts')
+    link: str = quantity('text', 'link on which the force acts', default='')
+    # Required; the default lets `link` be left out.
     force: tuple[float, float] = quantity(
-        'pair', 'force [x, y] on the link', 'N', span=(-1e12, 1e12)
+        'pair', 'force [x, y] on the link', 'N', span=(-1e12, 1e12), default=None
     )
-    at: tuple[float, float] = quantity(
+    at: tuple[float, float] | None = quantity(
         'pair', 'point [along, across] from the first pin of the link', 'm',
-        span=(-1e9, 1e9), default=(0.0, 0.0),
+        span=(-1e9, 1e9), default=None,
     )  # fmt: skip
     axes: str = quantity(
         'choice', 'axes of the force: world, or along and across the link',
@@ -53,6 +56,14 @@ class Force(AppliedLoad):
         'number', 'time for which a message acts; without one, force acts', 's',
         span=(1e-3, 1e9), default=0.1,
     )  # fmt: skip
+    pin: str = quantity(
+        'text', 'pin or point at which the force acts, instead of link and at', default=''
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if cast('Any', self.force) is None:
+            raise ConfigurationError(f'{self.label}.force is missing: must be two numbers, N')
 
     def on(self, mechanism: LoadedMechanism) -> 'PointForce':
         """See `AppliedLoad.on`.
@@ -61,8 +72,8 @@ class Force(AppliedLoad):
             ConfigurationError: The mechanism has no such link.
         """
         structure = mechanism.structure()
-        link = structure.link_index(self.link, f'{self.label}.link')
-        point, turns = structure.point_of(link, self.at), self.axes == LINK
+        link, point = structure.place_of(f'{self.label}.link', self.link, self.at, self.pin)
+        turns = self.axes == LINK
         is_fixed = not turns or spin_of(structure.links, link) is None
         return PointForce(link, point, complex(*self.force), turns, is_fixed)
 

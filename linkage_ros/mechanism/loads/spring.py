@@ -11,13 +11,14 @@ from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, dot, require, sqrt
 from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.loads.base import AppliedLoad, LoadedMechanism
-from linkage_ros.mechanism.structure import Point
-from linkage_ros.mechanism.wrenches import FRAME, Wrench, place, velocity
+from linkage_ros.mechanism.structure import Point, Structure
+from linkage_ros.mechanism.wrenches import Wrench, place, velocity
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
 from linkage_ros.units import rad_and_deg
 
 _NOT_NEGATIVE = (0.0, 1e12)
+FRAME_NAME = 'frame'
 
 
 @dataclass(frozen=True)
@@ -27,25 +28,28 @@ class Spring(AppliedLoad):
     Its tension is stiffness x (length - free_length) + damping x rate of length.
 
     Attributes:
-        link: Name of the link at the spring's first end.
+        link: Name of the link at the spring's first end; empty if `pin` is given.
         at: First end [along, across] from the link's first pin, m; on a slider, from its pin in
-            the axes of the guide.
+            the axes of the guide; None for that pin.
         to: Name of the link at the second end, or 'frame'.
         to_at: Second end, likewise; on the frame, in the axes of base_link from A0.
         stiffness: Stiffness, N/m.
         free_length: Length without tension, m.
         damping: Damping coefficient, N s/m.
+        pin: Pin or traced point at the first end, instead of `link` and `at`.
+        to_pin: Pin or traced point at the second end, instead of `to` and `to_at`.
+        cylinder: In a drawing, the cylinder whose pins are the ends, instead of all of these.
     """
 
-    link: str = quantity('text', "link at the spring's first end")
-    at: tuple[float, float] = quantity(
+    link: str = quantity('text', "link at the spring's first end", default='')
+    at: tuple[float, float] | None = quantity(
         'pair', 'first end [along, across] from the first pin of the link', 'm',
-        span=(-1e9, 1e9), default=(0.0, 0.0),
+        span=(-1e9, 1e9), default=None,
     )  # fmt: skip
-    to: str = quantity('text', "link at the spring's second end, or frame", default='frame')
-    to_at: tuple[float, float] = quantity(
+    to: str = quantity('text', "link at the spring's second end, or frame", default=FRAME_NAME)
+    to_at: tuple[float, float] | None = quantity(
         'pair', 'second end, likewise; on the frame, in the axes of base_link', 'm',
-        span=(-1e9, 1e9), default=(0.0, 0.0),
+        span=(-1e9, 1e9), default=None,
     )  # fmt: skip
     stiffness: float = quantity('number', 'stiffness', 'N/m', span=_NOT_NEGATIVE, default=0.0)
     free_length: float = quantity(
@@ -54,6 +58,13 @@ class Spring(AppliedLoad):
     damping: float = quantity(
         'number', 'damping coefficient', 'N s/m', span=_NOT_NEGATIVE, default=0.0
     )
+    pin: str = quantity(
+        'text', 'pin or point at the first end, instead of link and at', default=''
+    )
+    to_pin: str = quantity(
+        'text', 'pin or point at the second end, instead of to and to_at', default=''
+    )
+    cylinder: str = quantity('text', 'in a drawing, cylinder whose pins are the ends', default='')
 
     def on(self, mechanism: LoadedMechanism) -> 'PointSpring':
         """See `AppliedLoad.on`.
@@ -62,20 +73,29 @@ class Spring(AppliedLoad):
             ConfigurationError: The mechanism has no such link, or both ends are on one link.
         """
         structure = mechanism.structure()
-        link = structure.link_index(self.link, f'{self.label}.link')
-        other = FRAME
-        if self.to != 'frame':
-            other = structure.link_index(self.to, f'{self.label}.to', 'frame')
+        if self.cylinder:
+            raise ConfigurationError(
+                f'{self.label}.cylinder is for mechanism: drawing; give link and at, or pin'
+            )
+        (link, point), (other, other_point) = self.ends(structure)
         if link == other:
             raise ConfigurationError(
                 f'{self.label}.to = {self.to!r}: a spring between two points of one link does '
                 'nothing; name another link, or frame'
             )
         return PointSpring(
-            link, structure.point_of(link, self.at), other,
-            structure.point_of(other, self.to_at), self.stiffness, self.free_length, self.damping,
+            link, point, other,
+            other_point, self.stiffness, self.free_length, self.damping,
             Opaque(functools.partial(_refuse, self.label)),
         )  # fmt: skip
+
+    def ends(self, structure: Structure) -> tuple[tuple[int, Point], tuple[int, Point]]:
+        """Returns the link and the point of each end; see `Structure.place_of`."""
+        to = '' if self.to_pin and self.to == FRAME_NAME else self.to
+        return (
+            structure.place_of(f'{self.label}.link', self.link, self.at, self.pin),
+            structure.place_of(f'{self.label}.to', to, self.to_at, self.to_pin, FRAME_NAME),
+        )
 
 
 def _refuse(label: str, crank: float) -> NoReturn:
