@@ -163,6 +163,8 @@ class Crank:
             raise ConfigurationError('the inertia at the crank is 0 at some crank angle')
         velocity, drive = np.full_like(angles, speed), motor or Motor()
         for _ in range(_ROUNDS):
+            if not np.isfinite(velocity).all():
+                break
             last, slope = velocity, derivative(angles, velocity)
             energy, change = inertia * last * last / 2, last * slope
             resistance = self._resistance(speed, last, change, drive)
