@@ -17,6 +17,7 @@ from linkage_ros.messages.cdr import (
     OK,
     WARN,
     Status,
+    decode_point,
     encode_diagnostics,
     encode_string,
 )
@@ -189,6 +190,15 @@ MESSAGES = [
 def test_both_decoders_read_back_every_other_message(data, interface, fields, decodings):
     assert decodings(data, interface) == [plain(fields)] * 2
     assert len(data) % 4 == 0  # DDS pads messages
+
+
+@pytest.mark.parametrize('frame', ['', 'a', 'base_link'])
+def test_point_is_read_back_and_no_other_bytes_are(frame):
+    data = Template(point('x', frame)).pack(3, 7, 0.1, -5e-324)
+    assert decode_point(data) == (3_000_000_007, (0.1, -5e-324, 0.0))
+    for wrong in (data[:-1], data[:20], b'', b'\0\0' + data[2:], bytes(len(data))):
+        with pytest.raises(ValueError, match='not a PointStamped'):
+            decode_point(wrong)
 
 
 # ---------------------------------------------------------------- interfaces

@@ -8,6 +8,8 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from mcap.records import Channel, Message
+from mcap_records import records_of, write_records
 from mechanisms import FOLLOWED
 from other_bags import GRIPPER, START, measurement, robot, write_mcap, write_rosbag2, write_split
 from ros_harness import assert_refused, finished, logged
@@ -58,6 +60,26 @@ def test_a_log_is_read_as_arrays_and_as_a_table_with_references(tmp_path, preset
         unit = 'm' if joint == 'slider' else 'rad'
         assert f'{joint}.position{origin} [{unit}]' in head
     assert relative
+
+
+def test_missing_messages_of_a_point_leave_empty_cells(tmp_path):
+    log, cut, out = (tmp_path / name for name in ('run.mcap', 'cut.mcap', 'cut.csv'))
+    record(load('quadrilateral'), log, duration=0.1)
+    whole = read_log(log)['/points/coupler_point']
+    lost, records = 3, records_of(log)
+    (number,) = (
+        item.id for item in records
+        if isinstance(item, Channel) and item.topic == '/points/coupler_point'
+    )  # fmt: skip
+    of_point = [x for x in records if isinstance(x, Message) and x.channel_id == number]
+    records.remove(of_point[lost])
+    write_csv(write_records(cut, records), out)
+    assert read_log(cut)['/points/coupler_point']['x'].tolist() == [*np.delete(whole['x'], lost)]
+    head, rows = table(out)
+    for axis in 'xy':
+        due = [repr(x) for x in whole[axis].tolist()]
+        due[lost] = ''
+        assert [row[head.index(f'coupler_point.{axis} [m]')] for row in rows] == due
 
 
 def _plural(quantity):

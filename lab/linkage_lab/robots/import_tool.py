@@ -82,7 +82,7 @@ def parameter_text(loop: PlanarLoop, source: str) -> str:
     """
     frame = loop.bodies['frame'][0]
     values = {'drive': 'follow', **loop.values}
-    # The plane is a frame of its own: coupler_point is in its axes, not in those of the link.
+    # The plane is a frame of its own: traced points are in its axes, not in those of the link.
     values['frame_id'] = re.sub('[^A-Za-z0-9_./-]', '_', f'{frame}_plane')
     groups = dict[str, list[str]]()
     for name, value in values.items():
