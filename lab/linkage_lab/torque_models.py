@@ -73,7 +73,12 @@ def without(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
     values, known = flatten(mechanism), _known(mechanism)
     gone = {x for name in names for x in _members(values, known.get(name, (name,)))}
     left = {name: value for name, value in values.items() if name not in gone}
-    return build(type(mechanism), {'gravity': (0.0, 0.0)} | left)
+    # A part whose values are all left out would be missing.
+    zeros: dict[str, object] = {
+        name: (0.0, 0.0) if isinstance(values[name], tuple) else 0.0
+        for name in gone if name.endswith(_BODY)
+    }  # fmt: skip
+    return build(type(mechanism), {'gravity': (0.0, 0.0)} | left | zeros)
 
 
 def with_point_masses(mechanism: Any) -> Mechanism | None:

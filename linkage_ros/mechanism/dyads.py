@@ -151,7 +151,7 @@ class Dyad(Checked):
             raise ConfigurationError(
                 f'{label} needs second or slider, and not both: two links between two points '
                 '(first and second), one link and a slider (first and slider), or a cylinder '
-                '(barrel and rod)'
+                '(barrel and rod); a part needs at least one value, such as mass: 0.0'
             )
         if self.slider is None and self.to is None:
             raise ConfigurationError(f'{label}.to is missing: must be a link, or {_FRAME}')
