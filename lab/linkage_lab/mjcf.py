@@ -121,6 +121,7 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     for name, link, shape, at in zip(names, links, described, position, strict=True):
         bodies.append(_body(name, link, shape, at))
         (world if link.parent is None else bodies[link.parent]).append(bodies[-1])
+    order = [names.index(str(joint.get('name'))) for joint in world.iter('joint')]  # of MuJoCo
     pairs = _pairs(mechanism, names, [*bodies, world])
     passive = _Passive(structure, names, [*bodies, world])
     motors = []
@@ -160,7 +161,8 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
         _element('actuator', _element('motor', name=driven, joint=driven), *loads),
         _element('sensor', *sensors),
         _element('keyframe', _element(
-            'key', name='start', qpos=_text(*position), qvel=_text(*velocity),
+            'key', name='start', qpos=_text(*(position[i] for i in order)),
+            qvel=_text(*(velocity[i] for i in order)),
             ctrl=_text(float(start.torque), *[0.0] * len(loads)),
         )),
         model='linkage',

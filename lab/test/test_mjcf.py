@@ -15,20 +15,21 @@ from types import SimpleNamespace
 import mujoco  # required by these tests: without it they must fail, not be skipped
 import numpy as np
 import pytest
-from mechanisms import load_values, traced
+from mechanisms import MOVING_GUIDES, load_values, traced
 from pages import block, read, run_python
 from ros_harness import assert_refused
 from test_mujoco import slipped
 
 from linkage_lab import export
 from linkage_lab.mjcf import about_zeros, make_mjcf
-from linkage_ros import ConfigurationError, LinkLoad, Solver
+from linkage_ros import ConfigurationError, Force, LinkLoad, Pins, Solver
 from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.loads.curve import CurveForce
 from linkage_ros.mechanism.loads.link_load import LinkForce
 from linkage_ros.messages.joints import joint_rows
 from linkage_ros.motion.drives.base import Machine
 from linkage_ros.motion.drives.torque import TorqueDrive
+from linkage_ros.quantities import flatten
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.presets import preset_names
@@ -300,6 +301,36 @@ def test_springs_and_torques_act_as_on_our_plant(preset, values):
     wrong, _ = run(configuration, 0.4, plain.mechanism)
     assert right < 1e-3
     assert wrong > 1.0
+
+
+@pytest.mark.parametrize(
+    'name',
+    [
+        'guide_on_crank',
+        'guide_on_coupler',
+        'guide_on_slider_on_slider',
+        'guide_on_barrel_of_dyad',
+        'barrel_between_slider_and_coupler',
+        'barrel_on_moving_slider',
+    ],
+)
+def test_dyads_with_moving_guides_and_their_loads_move_as_on_our_plant(name):
+    """MuJoCo has the joints in the order of its tree, also in the keyframe of the start."""
+    mechanism = MOVING_GUIDES[name]
+    last = mechanism.structure().links[-1].name
+    loads = (
+        LinkLoad(last, 3.0, 0.5, 20.0, 0.2, name='guided'),
+        Force(last, (0.3, -0.2), (2.0, -4.0), axes='link', name='push'),
+        Pins(0.05, name='pins'),
+    )
+    kind = 'four_bar' if hasattr(mechanism, 'rocker') else 'slider_crank'
+    values = {'mechanism': kind, 'drive': 'torque', 'motor.torque': 5.0, 'start_rpm': 20.0}
+    loaded = replace(mechanism, loads=loads)
+    worst, widest = run(configure(values | flatten(loaded)), 0.2)
+    assert worst < 1e-4
+    assert widest < 1e-5
+    wrong, _ = run(configure(values | flatten(replace(loaded, loads=()))), 0.2, loaded)
+    assert wrong > 1e-2
 
 
 @pytest.mark.parametrize(
