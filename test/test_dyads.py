@@ -138,8 +138,8 @@ def random_dyad(rng, name, known, sine):
     )  # fmt: skip
 
 
-def random_structure(rng, nearest=0.0):
-    """Makes a mechanism with up to three dyads and loads, and its coordinates."""
+def random_structure(rng, nearest=0.0, most=3):
+    """Makes a mechanism with dyads, three at most by default, and loads, and its coordinates."""
     kinds = ['crank_rocker', 'double_crank', 'centric', 'offset_right', 'cylinder', 'pump']
     kind, crank = rng.choice(kinds), rng.uniform(-3, 3)
     if kind == 'pump':
@@ -151,7 +151,7 @@ def random_structure(rng, nearest=0.0):
     else:
         make = four_bar if len(FULL[kind]) == 4 else slider_crank
         base = make(FULL[kind], rng.uniform(-3, 3), rng.choice(['open', 'crossed']))
-    (q, u, a), size = motion(base, crank), rng.randint(1, 3)
+    (q, u, a), size = motion(base, crank), rng.randint(1, most)
     names = rng.sample(['ram', 'shoe', 'arm', 'press', 'ejector'], size)
     for name in names:
         sine = 10 ** rng.uniform(-5, -0.53) if rng.random() < nearest else rng.uniform(0.31, 0.99)

@@ -63,7 +63,7 @@ def about_zeros(mechanism: Mechanism, start: State) -> list[str]:
         return [note]
     driven, units = mechanism.structure().driven, mechanism.structure().driven_link.units
     speed, reach = float(start.velocity[driven]) or 1.0, Solver(mechanism).reach
-    (low, high), *_ = reach.arcs
+    low, high = reach.arc_around(float(start.position[driven]))
     room = 0.0 if reach.turns_fully else _MARGIN * (high - low)
     places = np.linspace(low + room, high - room, _PLACES)
     right, found = (

@@ -1023,7 +1023,7 @@ class _Conversion:
     def unsolved(self, waiting: Mapping[str, _Body]) -> str:
         """Explains which bodies are left."""
         return (
-            f'{", ".join(waiting)}: no two of these are held by the links before them as a dyad, '
+            f'{_listed(waiting)}: no two of these are held by the links before them as a dyad, '
             f'so that they cannot be solved one pair after another; {self.freedom()}'
         )
 

@@ -359,5 +359,7 @@ class FollowDrive(FeedForward):
 
     def drawn_angle(self, mechanism: Mechanism) -> float:
         """Returns a place that the mechanism can reach; see `Drive.drawn_angle`."""
+        if mechanism.drawn:
+            return mechanism.drawn.position
         reach = mechanism.reach()
         return 0.5 * sum(reach.arcs[0]) if reach and not reach.turns_fully else self.crank_angle
