@@ -152,13 +152,13 @@ def test_answers_close_the_robots_loop_with_its_torque(name, tmp_path):
     made, tree, configuration, found = robot_of(name, tmp_path)
     simulator, random = Simulator(configuration), np.random.default_rng(1)
     driven, reach = simulator.crank_joint, simulator.solver.reach
-    values = found.given[driven] + np.cumsum(random.uniform(-0.02, 0.03, size=4000))
+    values = found.given[driven] + np.cumsum(random.uniform(-0.08, 0.12, size=1000))
     if reach.slides:
         ((low, high),) = reach.arcs
-        own = 0.5 * (low + high) + 0.49 * (high - low) * np.sin(np.arange(1000.0))
+        own = 0.5 * (low + high) + 0.49 * (high - low) * np.sin(np.arange(250.0))
         values = simulator.machine.joint.value(own)
     torques, errors, count = [], [], 0
-    for value, answer in islice(answers(simulator, values), 1000):
+    for value, answer in islice(answers(simulator, values), 250):
         state = decode_joint_state(answer.messages[0])
         q = dict(zip(state.names, state.positions, strict=True))
         assert len(q) == 3
@@ -169,7 +169,7 @@ def test_answers_close_the_robots_loop_with_its_torque(name, tmp_path):
             q, u, a, efforts = mechanism_state(answer, simulator)
             torques.append(tree.power(q, u, a) / 3.0)
             errors.append(abs(efforts[driven] - torques[-1]))
-    assert count == 1000
+    assert count == 250
     # Near a limit of the crank, single torques are huge.
     sizes = np.abs(torques) + np.median(np.abs(torques))
     assert np.max(errors / sizes) < 1e-9
