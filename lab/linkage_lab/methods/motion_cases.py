@@ -169,7 +169,7 @@ def motions(*, quick: bool) -> list[tuple[str, MotionCase]]:
 
     They are the wind pump, with and without motor and load, and a coasting four-bar.
     """
-    seconds = 0.5 if quick else 10.0
+    seconds = 0.1 if quick else 10.0
     return [
         ('wind_pump', MotionCase(driven_pump(6.0), even(seconds))),
         ('wind_pump', MotionCase(free_pump(6.0), even(seconds), (ENERGY,))),
