@@ -1,0 +1,644 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Converts a drawing to a mechanism with dyads.
+
+The loop of the input becomes the mechanism; each further pair of bodies that is held by those
+before becomes a dyad.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields, replace
+from fractions import Fraction
+from typing import Any, NamedTuple, cast
+
+from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
+from linkage_ros.mechanism.base import Drawn, Mechanism
+from linkage_ros.mechanism.dyads import Dyad, DyadSlider
+from linkage_ros.mechanism.exact import UNITS, Exact, over_root
+from linkage_ros.mechanism.four_bar import FourBar
+from linkage_ros.mechanism.inverted_slider_crank import CYLINDER, InvertedSliderCrank
+from linkage_ros.mechanism.parts import (
+    CROSSED,
+    OPEN,
+    Barrel,
+    Body,
+    Coupler,
+    Frame,
+    Guide,
+    Rod,
+    Slider,
+)
+from linkage_ros.mechanism.points import TracedPoint
+from linkage_ros.mechanism.slider_crank import SliderCrank
+from linkage_ros.quantities import shown
+
+FRAME = 'frame'
+# The smallest sine of the angle at which two links meet that still tells their assembly: in the
+# loop, which may be near a change point, and in a dyad.
+_LEAST_SINE, _LEAST_SINE_OF_DYAD = 1e-6, 1e-3
+
+
+def listed(names: Iterable[str]) -> str:
+    """Returns names for an error message."""
+    return ', '.join(sorted(names)) or 'none'
+
+
+class _Body(NamedTuple):
+    """A moving body of a drawing.
+
+    Attributes:
+        name: Name of the body.
+        pins: Names of its pins.
+        part: Its mass, and its length if that is given.
+        on: Body with the line on which it slides, or 'frame'; empty for a link.
+        way: Direction of the line as drawn.
+    """
+
+    name: str
+    pins: tuple[str, ...]
+    part: Any
+    on: str = ''
+    way: Exact = Exact(Fraction(1), Fraction(0))
+
+
+class _Base(NamedTuple):
+    """A loop that may become the mechanism.
+
+    Attributes:
+        kind: Class of the mechanism.
+        bodies: Crank, coupler and rocker or slider; or crank, barrel and rod.
+        pins: Pins A0 and A, then B and, of a rocker, B0; or B0 of a barrel.
+    """
+
+    kind: type[Mechanism]
+    bodies: tuple[_Body, ...]
+    pins: tuple[str, ...]
+
+
+class _Axes(NamedTuple):
+    """The axes of a body in the drawing.
+
+    Attributes:
+        start: Origin of the axes, where the body is carried.
+        way: Direction of the first axis.
+        end: Pin on the first axis, at the body's length; empty if there is none.
+        length: This length, m.
+    """
+
+    start: Exact
+    way: Exact
+    end: str = ''
+    length: float = 0.0
+
+
+class Conversion:
+    """The conversion of a drawing.
+
+    Attributes:
+        at: Place of each pin, from the crank's fixed pin.
+        axes: Axes of each body whose motion is known, in the order of solution.
+    """
+
+    def __init__(self, drawing: Any) -> None:
+        """Collects the bodies.
+
+        Args:
+            drawing: A `drawing.Drawing`.
+        """
+        self.drawing, self.unit = drawing, UNITS[drawing.units]
+        self.at = {name: Exact.of(place, self.unit) for name, place in drawing.pins.items()}
+        self.bodies = {link.name: _Body(link.name, link.pins, link) for link in drawing.links}
+        for slide in drawing.slides:
+            self.bodies[slide.name] = _Body(
+                slide.name, slide.all_pins, slide, slide.on, Exact.of(slide.direction)
+            )
+        for cylinder in drawing.cylinders:
+            if cylinder.name == drawing.input:
+                barrel, rod = f'{cylinder.name}_barrel', f'{cylinder.name}_rod'
+                way = self.at[cylinder.to].minus(self.at[cylinder.from_])
+                self.bodies[barrel] = _Body(barrel, (cylinder.from_,), cylinder.barrel)
+                self.bodies[rod] = _Body(rod, (cylinder.to,), cylinder.rod, barrel, way)
+        self.axes: dict[str, _Axes] = {}
+
+    def mechanism(self, gravity: Any, loads: Sequence[Any], points: Sequence[Any]) -> Mechanism:
+        """Returns the mechanism; see `Drawing.mechanism`.
+
+        Raises:
+            ConfigurationError: Links are left that are no dyads.
+        """
+        base = self.base()
+        origin = self.at[base.pins[0]]
+        self.at = {name: place.minus(origin) for name, place in self.at.items()}
+        mechanism = self.loop(base)
+        waiting = {name: body for name, body in self.bodies.items() if name not in self.axes}
+        dyads = []
+        while waiting:
+            found = self.next_dyad(waiting)
+            if found is None:
+                raise ConfigurationError(self.unsolved(waiting))
+            dyads.append(found)
+            waiting = {name: body for name, body in waiting.items() if name not in self.axes}
+        changes = {
+            'dyads': tuple(dyads),
+            'loads': tuple(self.as_solved(load) for load in loads),
+            'points': (*self.points(), *(self.as_solved(point) for point in points)),
+            'gravity': gravity,
+        }
+        return cast('Mechanism', replace(cast('Any', mechanism), **changes))
+
+    # ------------------------------------------------------------ the loop
+
+    def base(self) -> _Base:
+        """Chooses the loop that becomes the mechanism.
+
+        Raises:
+            ConfigurationError: The input is in no loop that can.
+        """
+        name = self.drawing.input
+        if any(cylinder.name == name for cylinder in self.drawing.cylinders):
+            name = f'{name}_rod'
+        driven = self.bodies[name]
+        found = [*(self.driven_slides(driven) if driven.on else self.driven_turns(driven))]
+        if not found:
+            raise ConfigurationError(self.no_base(driven))
+        if len(found) > 1:
+            found.sort(key=lambda base: self.preference(driven, base))
+        return found[0]
+
+    def driven_turns(self, crank: _Body) -> Iterator[_Base]:
+        """Yields the loops of a crank."""
+        fixed = [pin for pin in crank.pins if pin in self.drawing.frame]
+        if len(fixed) != 1:
+            return
+        (A0,) = fixed
+        for A in crank.pins:
+            for coupler in self.at_pin(A, crank) if A != A0 else ():
+                yield from self.loops_of(crank, coupler, A0, A)
+
+    def loops_of(self, crank: _Body, coupler: _Body, A0: str, A: str) -> Iterator[_Base]:
+        """Yields the loops of a crank and a body that is pinned to it at A."""
+        sliding = (
+            [(coupler.on, coupler)]
+            if coupler.on
+            else [
+                (block.name, coupler) for block in self.bodies.values() if block.on == coupler.name
+            ]
+        )
+        for name, rod in sliding:
+            if name in self.bodies:
+                barrel = self.bodies[name]
+                for B0 in self.pivots(barrel, A0):
+                    yield _Base(InvertedSliderCrank, (crank, barrel, rod), (A0, A, B0))
+        if not coupler.on:
+            yield from self.closed_by_pin(crank, coupler, A0, A)
+
+    def closed_by_pin(self, crank: _Body, coupler: _Body, A0: str, A: str) -> Iterator[_Base]:
+        """Yields the loops of a crank and a coupler with a third body, which are pinned at B."""
+        for B in coupler.pins:
+            for last in self.at_pin(B, crank, coupler) if B != A else ():
+                if last.on == FRAME:
+                    yield _Base(SliderCrank, (crank, coupler, last), (A0, A, B))
+                elif not last.on:
+                    for B0 in self.pivots(last, A0):
+                        yield _Base(FourBar, (crank, coupler, last), (A0, A, B, B0))
+
+    def driven_slides(self, driven: _Body) -> Iterator[_Base]:
+        """Yields the loops of a driven slide or cylinder."""
+        if driven.on == FRAME:
+            for B in driven.pins:
+                for coupler in self.at_pin(B, driven):
+                    for crank, A0, A in self.cranks(coupler, B, driven):
+                        yield _Base(SliderCrank, (crank, coupler, driven), (A0, A, B))
+            return
+        guide = self.bodies[driven.on]
+        for barrel, rod in ((guide, driven), (driven, guide)):
+            for B0 in self.pivots(barrel):
+                for crank, A0, A in self.cranks(rod, B0, barrel):
+                    yield _Base(InvertedSliderCrank, (crank, barrel, rod), (A0, A, B0))
+
+    def cranks(self, coupler: _Body, pin: str, *others: _Body) -> Iterator[tuple[_Body, str, str]]:
+        """Yields the cranks that are pinned to a body at another pin, with their pins A0 and A."""
+        for A in coupler.pins:
+            for crank in self.at_pin(A, coupler, *others) if pin != A else ():
+                for A0 in self.pivots(crank, pin) if not crank.on else ():
+                    yield crank, A0, A
+
+    def at_pin(self, pin: str, *others: _Body) -> list[_Body]:
+        """Returns the bodies at a pin that is not fixed, without the given ones."""
+        if pin in self.drawing.frame:
+            return []
+        return [body for body in self.bodies.values() if pin in body.pins and body not in others]
+
+    def pivots(self, body: _Body, *others: str) -> list[str]:
+        """Returns the fixed pins of a body, without the given ones."""
+        return [pin for pin in body.pins if pin in self.drawing.frame and pin not in others]
+
+    def preference(self, driven: _Body, base: _Base) -> tuple[Any, ...]:
+        """Returns the key by which the loops are sorted, the best first."""
+        has_change_point = False
+        if base.kind is not InvertedSliderCrank:
+            trial = Conversion(self.drawing)
+            origin = trial.at[base.pins[0]]
+            trial.at = {name: place.minus(origin) for name, place in trial.at.items()}
+            try:
+                reach = trial.loop(base).reach()
+            except (ConfigurationError, MechanismError):
+                reach = None
+            has_change_point = reach is not None and reach.has_change_point
+        near = base.pins[1] if not driven.on else base.pins[2]
+        names = [body.name for body in base.bodies]
+        return (
+            base.kind is not InvertedSliderCrank,
+            not has_change_point,
+            driven.pins.index(near) if near in driven.pins else 0,
+            *names[1:],
+            *base.pins,
+        )
+
+    def loop(self, base: _Base) -> Mechanism:
+        """Returns the mechanism of a loop, in the assembly that is drawn."""
+        A0, A, *rest = base.pins
+        crank, second, third = base.bodies
+        names = {'A0': A0, 'A': A}
+        self.turn(crank, A0, A)
+        if base.kind is FourBar:
+            B, B0 = rest
+            self.turn(second, A, B)
+            self.turn(third, B0, B)
+            names |= {'B': B, 'B0': B0}
+            parts = {
+                'coupler': self.body(second, Coupler), 'rocker': self.body(third),
+                'frame': Frame(self.at[B0].length, self.at[B0].angle),
+            }  # fmt: skip
+            position, closing = self.at[A].angle, (A, B)
+        elif base.kind is SliderCrank:
+            (B,) = rest
+            self.turn(second, A, B)
+            way = third.way
+            self.axes[third.name] = _Axes(self.at[B], way)
+            names |= {'B': B}
+            parts = {
+                'coupler': self.body(second, Coupler),
+                'slider': Slider(over_root(way.cross(self.at[B]), way.dot(way)), third.part.mass),
+                'frame': Guide(way.angle),
+            }
+            position, closing = self.at[A].angle, (A, B)
+            if self.drawing.input == third.name:
+                parts['input'] = 'slider'
+                position = over_root(way.dot(self.at[B]), way.dot(way))
+        else:
+            (B0,) = rest
+            arm, way = self.at[A].minus(self.at[B0]), (second.way if second.on else third.way)
+            if arm.dot(way) < 0:
+                way = Exact(-way.x, -way.y)
+            self.axes[second.name] = _Axes(self.at[B0], way)
+            self.axes[third.name] = _Axes(self.at[A], way)
+            names |= {'B0': B0, 'E': f'{second.name}_mouth'}
+            parts = {
+                'barrel': self.mass(second, Barrel), 'rod': self.mass(third, Rod),
+                'frame': Frame(self.at[B0].length, self.at[B0].angle),
+                'offset': over_root(way.cross(arm), way.dot(way)),
+            }  # fmt: skip
+            position, closing = self.at[A].angle, (A, B0)
+            if self.drawing.input != crank.name:
+                parts['input'] = CYLINDER
+                position = over_root(way.dot(arm), way.dot(way))
+        drawn = Drawn(
+            tuple(body.name for body in base.bodies), tuple(names.items()), self.at[A].angle,
+            position,
+        )  # fmt: skip
+        kind = cast('Any', base.kind)
+        return self.in_assembly(kind, closing, crank=self.body(crank), drawn=drawn, **parts)
+
+    def in_assembly(self, kind: Any, pins: tuple[str, ...], **parts: Any) -> Mechanism:
+        """Returns the mechanism in the assembly whose links are nearest to the drawn ones.
+
+        Raises:
+            ConfigurationError: The drawing does not tell the assembly.
+        """
+        found = list[tuple[float, Any]]()
+        position = parts['drawn'].position
+        names = parts['drawn'].links
+        for assembly in (OPEN, CROSSED):
+            if kind is InvertedSliderCrank and 'input' not in parts and assembly != OPEN:
+                continue
+            mechanism = kind(assembly=assembly, **parts)
+            try:
+                pose = mechanism.loop().pose((position,))
+            except UnreachableError:
+                continue
+            off = 0.0
+            for name, link in zip(names, pose.links, strict=True):
+                way, axis = link.direction, self.axes[name].way
+                off += abs(complex(way.x, way.y) - complex(*axis.rounded) / axis.length)
+            (sine,) = pose.sines
+            if abs(sine) > _LEAST_SINE:
+                found.append((off, mechanism))
+        if not found:
+            raise ConfigurationError(
+                f'the links that meet at {pins[-1]} are in line as drawn, or do not reach it, so '
+                f'that the drawing does not tell their assembly: {", ".join(names)}; draw the '
+                'machine at another position'
+            )
+        return cast('Mechanism', min(found, key=lambda pair: pair[0])[1])
+
+    # ------------------------------------------------------------ dyads
+
+    def next_dyad(self, waiting: Mapping[str, _Body]) -> Dyad | None:
+        """Returns the dyad with the first name that known bodies hold, and notes its axes.
+
+        Raises:
+            ConfigurationError: Known bodies hold a body fast.
+        """
+        ready = list[tuple[str, Any]]()
+        for name, body in waiting.items():
+            held = [pin for pin in body.pins if self.carrier(pin)]
+            if len(held) > 1 or (held and body.on and self.is_known(body.on)):
+                raise ConfigurationError(self.rigid(body, held))
+            for other in waiting.values():
+                if other.name != name:
+                    ready += self.pairs(body, other, held)
+        if not ready:
+            return None
+        (_, make), *_ = sorted(ready, key=lambda pair: pair[0])
+        return cast('Dyad', make())
+
+    def pairs(self, first: _Body, last: _Body, held: list[str]) -> Iterator[tuple[str, Any]]:
+        """Yields the name of the dyad of two bodies, if it is one, and a function to make it.
+
+        Raises:
+            ConfigurationError: Two pins join the bodies to one.
+        """
+        common = [pin for pin in first.pins if pin in last.pins and not self.carrier(pin)]
+        if not first.on and not last.on and len(common) > 1:
+            raise ConfigurationError(
+                f'{first.name} and {last.name} share the pins {" and ".join(common)}, so that '
+                'they are one rigid link: give both as one link, or leave out a pin'
+            )
+        name = f'{first.name}__{last.name}'
+        ends = [pin for pin in last.pins if self.carrier(pin)]
+        if len(held) != 1 or first.on:
+            return
+        (start,) = held
+        if last.on == first.name and len(ends) == 1:
+            yield name, lambda: self.with_rod(name, first, last, ends[0], start)
+        elif len(common) == 1 and last.on and not ends and self.is_known(last.on):
+            yield name, lambda: self.with_slider(name, first, last, start, common[0])
+        elif len(common) == len(ends) == 1 and not last.on and first.name < last.name:
+            pins = start, common[0], ends[0]
+            yield name, lambda: self.with_two_links(name, (first, last), pins)
+
+    def with_two_links(
+        self, name: str, links: tuple[_Body, _Body], pins: tuple[str, str, str]
+    ) -> Dyad:
+        """Returns a dyad of two links."""
+        (first, last), (start, joint, end) = links, pins
+        joints = (self.joint(start, first), joint, self.joint(end, last))
+        from_, to = self.carrier(start), self.carrier(end)
+        from_at, to_at = self.local(from_, start), self.local(to, end)
+        self.turn(first, start, joint)
+        self.turn(last, end, joint)
+        apart, near = self.at[end].minus(self.at[start]), self.at[joint].minus(self.at[start])
+        far = self.at[joint].minus(self.at[end])
+        self.require_side(near.cross(far), near, far, (first, last), joint)
+        return Dyad(
+            name=name, from_=from_, from_at=from_at, to=to, to_at=to_at,
+            first=self.body(first), second=self.body(last),
+            assembly=OPEN if apart.cross(near) > 0 else CROSSED,
+            names=(first.name, last.name, *joints),
+        )  # fmt: skip
+
+    def with_slider(self, name: str, first: _Body, last: _Body, start: str, joint: str) -> Dyad:
+        """Returns a dyad of a link and a slide on a known body."""
+        joints = (self.joint(start, first), joint)
+        from_, from_at = self.carrier(start), self.local(self.carrier(start), start)
+        self.turn(first, start, joint)
+        guide, way, line = self.axes.get(last.on), last.way, self.at[last.pins[0]]
+        origin = Exact(Fraction(0), Fraction(0)) if guide is None else guide.start
+        if guide is not None and line.minus(origin).dot(way) < 0:
+            way = Exact(-way.x, -way.y)
+        near = self.at[joint].minus(self.at[start])
+        self.require_side(near.dot(way), near, way, (first, last), joint)
+        zero = origin.foot(line, way).plus(self.at[joint].minus(line))
+        self.axes[last.name] = _Axes(self.at[joint], way)
+        at, angle = zero.rounded, way.angle
+        inertia, center = 0.0, (0.0, 0.0)
+        if guide is not None:
+            at = self.in_axes(guide, zero)
+            angle = math.atan2(float(guide.way.cross(way)), float(guide.way.dot(way)))
+            inertia, center = last.part.inertia, self.center(last)
+        return Dyad(
+            name=name, from_=from_, from_at=from_at, first=self.body(first),
+            slider=DyadSlider(last.part.mass, at, angle, last.on, inertia, center),
+            assembly=OPEN if near.dot(way) > 0 else CROSSED,
+            names=(first.name, last.name, *joints),
+        )  # fmt: skip
+
+    def with_rod(self, name: str, barrel: _Body, rod: _Body, start: str, end: str) -> Dyad:
+        """Returns a dyad of a link that is pinned at its end, and a slide on it."""
+        joints = self.joint(start, rod), self.joint(end, barrel)
+        from_, to = self.carrier(start), self.carrier(end)
+        from_at, to_at = self.local(from_, start), self.local(to, end)
+        arm, way = self.at[start].minus(self.at[end]), rod.way
+        if arm.dot(way) < 0:
+            way = Exact(-way.x, -way.y)
+        self.require_side(arm.dot(way), arm, way, (barrel, rod), start)
+        self.axes[barrel.name] = _Axes(self.at[end], way)
+        self.axes[rod.name] = _Axes(self.at[start], way)
+        return Dyad(
+            name=name, from_=from_, from_at=from_at, to=to, to_at=to_at,
+            barrel=self.mass(barrel, Barrel), rod=self.mass(rod, Rod),
+            offset=over_root(way.cross(arm), way.dot(way)),
+            names=(barrel.name, rod.name, *joints),
+        )  # fmt: skip
+
+    def require_side(
+        self, area: Fraction, first: Exact, last: Exact, bodies: tuple[_Body, _Body], joint: str
+    ) -> None:
+        """Rejects a dyad whose drawn position does not tell its assembly.
+
+        Raises:
+            ConfigurationError: The two links are in line.
+        """
+        sine = over_root(area, first.dot(first) * last.dot(last))
+        if abs(sine) < _LEAST_SINE_OF_DYAD:
+            names = ' and '.join(body.name for body in bodies)
+            raise ConfigurationError(
+                f'{names} are in line at {joint} as drawn, so that the drawing does not tell '
+                'their assembly; draw the machine at another position'
+            )
+
+    # ------------------------------------------------------------ bodies and pins
+
+    def is_known(self, body: str) -> bool:
+        """Returns whether the motion of a body is known."""
+        return body == FRAME or body in self.axes
+
+    def carrier(self, pin: str) -> str:
+        """Returns the first known body that has a pin, 'frame' if it is fixed, or ''."""
+        if pin in self.drawing.frame:
+            return FRAME
+        return next((name for name in self.axes if pin in self.bodies[name].pins), '')
+
+    def joint(self, pin: str, body: _Body) -> str:
+        """Returns the name of the joint by which a pin carries a further body."""
+        carrier = self.carrier(pin)
+        others = (name for name in self.axes if pin in self.bodies[name].pins)
+        is_first = not [name for name in others if name != carrier]
+        return pin if is_first else f'{pin}_{body.name}'
+
+    def turn(self, body: _Body, start: str, end: str) -> None:
+        """Notes the axes of a link that is carried at one pin and closes its group at another."""
+        way = self.at[end].minus(self.at[start])
+        given = getattr(body.part, 'length', None)
+        length = way.length if given is None else float(Fraction(repr(given)) * self.unit)
+        self.axes[body.name] = _Axes(self.at[start], way, end, length)
+
+    def in_axes(self, axes: _Axes, place: Exact) -> tuple[float, float]:
+        """Returns a place [along, across] in the axes of a body, m."""
+        apart, way = place.minus(axes.start), axes.way
+        square = way.dot(way)
+        return over_root(apart.dot(way), square), over_root(way.cross(apart), square)
+
+    def local(self, body: str, pin: str) -> tuple[float, float]:
+        """Returns a pin [along, across] on a body, m; on the frame in base_link."""
+        if body == FRAME:
+            return self.at[pin].rounded
+        axes = self.axes[body]
+        return (axes.length, 0.0) if pin == axes.end else self.in_axes(axes, self.at[pin])
+
+    def center(self, body: _Body) -> tuple[float, float]:
+        """Returns the centre of mass [along, across] of a body, m."""
+        if body.part.center is None:
+            return 0.0, 0.0
+        place = Exact.of(body.part.center, self.unit).minus(self.origin_of_all())
+        return self.in_axes(self.axes[body.name], place)
+
+    def origin_of_all(self) -> Exact:
+        """Returns the place of base_link's origin in the drawing, m."""
+        pin = next(iter(self.at))
+        return Exact.of(self.drawing.pins[pin], self.unit).minus(self.at[pin])
+
+    def body(self, body: _Body, kind: Any = Body) -> Any:
+        """Returns a link as a part of a mechanism."""
+        return self.mass(body, kind, length=self.axes[body.name].length)
+
+    def mass(self, body: _Body, kind: Any, **others: Any) -> Any:
+        """Returns a body as a part of a mechanism."""
+        part = body.part
+        return kind(mass=part.mass, inertia=part.inertia, center=self.center(body), **others)
+
+    def points(self) -> Iterator[TracedPoint]:
+        """Yields the pins of one link alone, as points of it."""
+        for pin in self.at:
+            owners = [body.name for body in self.bodies.values() if pin in body.pins]
+            if len(owners) == 1 and pin not in self.drawing.frame:
+                yield TracedPoint(pin, owners[0], self.local(owners[0], pin))
+
+    def place(self, label: str, body: str, at: tuple[float, float] | None) -> tuple[float, float]:
+        """Returns a place [along, across] on a body, m, given as drawn.
+
+        Raises:
+            ConfigurationError: There is no such body, or no place.
+        """
+        if body != FRAME and body not in self.axes:
+            names = listed([*self.axes, FRAME])
+            raise ConfigurationError(f'{label} = {shown(body)}: must be one of {names}')
+        if at is None:
+            raise ConfigurationError(f'{label}: give the place on {body} as drawn, [x, y], or pin')
+        place = Exact.of(at, self.unit).minus(self.origin_of_all())
+        return place.rounded if body == FRAME else self.in_axes(self.axes[body], place)
+
+    def place_of_pin(self, label: str, pin: str, link: str) -> tuple[str, tuple[float, float]]:
+        """Returns a link, or the carrier of a pin, and the place of the pin on it, m.
+
+        Raises:
+            ConfigurationError: There is no such pin, or no link has it.
+        """
+        owners = [name for name in self.axes if pin in self.bodies[name].pins]
+        if pin in self.drawing.frame:
+            owners.insert(0, FRAME)
+        if not owners or link not in {'', *owners}:
+            known = listed(owners) if owners else listed(self.at)
+            what = f'link {shown(link)} at the pin {pin}' if owners else f'pin {shown(pin)}'
+            raise ConfigurationError(f'{label}: no {what}; must be one of {known}')
+        body = link or owners[0]
+        return body, self.local(body, pin)
+
+    def as_solved(self, load: Any) -> Any:
+        """Returns a load or a point with its places in the axes of its links, instead of as drawn.
+
+        Raises:
+            ConfigurationError: A pin, a link or a cylinder does not exist.
+        """
+        label = getattr(load, 'label', f'points.{load.name}')
+        cylinder, known = getattr(load, 'cylinder', ''), {x.name for x in fields(load)}
+        if cylinder:
+            given = {x.name: x for x in self.drawing.cylinders if x.name != self.drawing.input}
+            if cylinder not in given:
+                raise ConfigurationError(
+                    f'{label}.cylinder = {shown(cylinder)}: must be one of {listed(given)}'
+                )
+            pins = given[cylinder].from_, given[cylinder].to
+            if pins[0] in self.drawing.frame:
+                pins = pins[1], pins[0]
+            load = replace(load, cylinder='', pin=pins[0], to_pin=pins[1], to=FRAME)
+        changes: dict[str, Any] = {}
+        for link, at, pin in (('link', 'at', 'pin'), ('to', 'to_at', 'to_pin')):
+            if not {link, at} <= known:
+                continue
+            name, place = getattr(load, link), getattr(load, at)
+            if given_pin := getattr(load, pin, ''):
+                own = '' if link == 'to' and name == FRAME else name
+                changes[link], changes[at] = self.place_of_pin(label, given_pin, own)
+                changes[pin] = ''
+            elif name:
+                changes[at] = self.place(f'{label}.{link}', name, place)
+        return replace(load, **changes) if changes else load
+
+    # ------------------------------------------------------------ refusals
+
+    def no_base(self, driven: _Body) -> str:
+        """Explains why the input is in no loop that can be the mechanism."""
+        fixed = self.pivots(driven)
+        what = f'drawing.input = {shown(self.drawing.input)}'
+        if not driven.on and len(fixed) != 1:
+            pins = ' and '.join(fixed) or 'no fixed pin'
+            return (
+                f'{what}: it must turn about exactly one fixed pin, and has {pins}; correct '
+                'drawing.frame, or choose another input'
+            )
+        return (
+            f'{what}: it is in no loop of four links, or of three and a slide, that returns to '
+            f'the frame at another pin; {self.freedom()}'
+        )
+
+    def rigid(self, body: _Body, held: Sequence[str]) -> str:
+        """Explains that known bodies hold a body fast."""
+        carriers = ' and '.join(dict.fromkeys(self.carrier(pin) for pin in held))
+        also = f' and by its line on {body.on}' if body.on and self.is_known(body.on) else ''
+        return (
+            f'{body.name} is held at {" and ".join(held)} by {carriers}{also}, whose motion is '
+            f'known without it, so that the machine cannot move; {self.freedom()}'
+        )
+
+    def unsolved(self, waiting: Mapping[str, _Body]) -> str:
+        """Explains which bodies are left."""
+        return (
+            f'{listed(waiting)}: no two of these are held by the links before them as a dyad, '
+            f'so that they cannot be solved one pair after another; {self.freedom()}'
+        )
+
+    def freedom(self) -> str:
+        """Counts the degrees of freedom of the drawing."""
+        joints = sum(1 for body in self.bodies.values() if body.on)
+        for pin in self.at:
+            count = sum(pin in body.pins for body in self.bodies.values())
+            joints += max(0, count - 1 + (pin in self.drawing.frame))
+        free = 3 * len(self.bodies) - 2 * joints
+        return (
+            f'counted by links and joints the drawing has {free} degree'
+            f'{"" if free == 1 else "s"} of freedom'
+            f'{"" if free == 1 else ", where 1 is needed"}'
+        )
