@@ -341,24 +341,24 @@ def test_the_log_is_verified_by_following_its_measurements_again(answered, monke
 
 
 def test_live_states_are_those_of_an_independent_filter(answered):
-    """Integrates the filter's equations by matrix exponentials; the last 150 lack a speed."""
+    """Integrates the filter's equations by matrix exponentials; its start shows accelerations."""
     sent, _, messages, *_ = answered
-    w, turns = 2 * math.pi * 20.0, {stamp: 0.06 * n for n, (stamp, _) in enumerate(sent)}
-    solver = Solver(load('quadrilateral').mechanism)
-    last, filtered = None, np.zeros(4)  # the filter's angle and rate, the measured angle and rate
-    for number, data in enumerate(messages[ANSWERS]):
+    w, order = 2 * math.pi * 20.0, {stamp: n for n, (stamp, _) in enumerate(sent)}
+    slopes = np.array([[-2 * w, 1, 2 * w, 0], [-w * w, 0, w * w, 0], [0, 0, 0, 1], [0] * 4])
+    solver, last, torques = Solver(load('quadrilateral').mechanism), -math.inf, []
+    for data in messages[ANSWERS]:
         stamp, values = CODEC.decode(data.data)
-        angle = turns[stamp]
-        if last is None:
-            filtered = np.array([angle, 0.0, angle, 0.0])
+        angle, time = 0.06 * order[stamp], (stamp - last) / 1e9
+        if time > 0.5:  # 10 / bandwidth
+            filtered = np.array([angle, 0.0, angle, 0.0])  # angle and rate; those measured
         else:
-            time = (stamp - last) / 1e9
             filtered[3] = (angle - filtered[2]) / time
-            slopes = [[-2 * w, 1, 2 * w, 0], [-w * w, 0, w * w, 0], [0, 0, 0, 1], [0] * 4]
-            filtered = expm(np.multiply(slopes, time)) @ filtered
+            filtered = expm(slopes * time) @ filtered
         last = stamp
-        if number >= len(messages[ANSWERS]) - 150:
+        if not len(sent) - 300 <= order[stamp] < len(sent) - 150:  # these have a speed
             x, v, m, _ = filtered
             right = solver.state(values[0], v, w * w * (m - x))
-            assert values[3] == pytest.approx(v, rel=1e-9)
-            assert values[6] == pytest.approx(right.torque, rel=1e-6, abs=1e-6)
+            assert values[3] == pytest.approx(v, rel=1e-9, abs=1e-9)
+            torques.append([values[6], right.torque])
+    found, expected = np.transpose(torques)
+    assert found == pytest.approx(expected, rel=1e-8, abs=1e-8 * np.abs(expected).max())
