@@ -49,7 +49,7 @@ class Configuration:
         drive: The drive.
         session: Settings for publishing, logging and viewing.
         joints: The robot's joints that are given, by link.
-        given: What the parameters give: the mechanism, or the drawing of it.
+        given: The drawing that the parameters give; None if they give the mechanism.
     """
 
     kind: MechanismAndDrive
@@ -123,7 +123,14 @@ def configure(values: Mapping[str, object]) -> Configuration:
     mistakes.check()
     if 'mechanism' not in given:
         _require_harmless(drive)
-    found = Configuration(kind, mechanism, drive, session, build_joints(given), made)
+    found = Configuration(
+        kind,
+        mechanism,
+        drive,
+        session,
+        build_joints(given),
+        given=None if made is mechanism else made,
+    )
     session.require_names(mechanism, found.robot_joints)
     _require_frame_joint(found)
     if drive.is_integrated and '' in {joint.name for joint in found.robot_joints}:
