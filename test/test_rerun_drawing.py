@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The view of every mechanism: its drawing and curves."""
 
+import cmath
 import itertools
 import math
 from dataclasses import replace
@@ -11,9 +12,10 @@ from unittest.mock import ANY
 import numpy as np
 import pytest
 import rerun as rr
-from mechanisms import SEVERAL_FORCES
+from mechanisms import MOVING_GUIDES, SEVERAL_FORCES, coordinates
 from test_rerun_connection import read, run_of, show
 
+from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.loads.force import Force
 from linkage_ros.mechanism.loads.friction import Friction
@@ -359,3 +361,27 @@ def test_curves_are_those_of_the_states_without_jumps(configuration, tmp_path):
     # Rates are derivatives of directions, so nothing jumps.
     middle = (rates[1:, 1:] + rates[:-1, 1:]) / 2
     assert np.diff(directions, axis=0) * 500 == pytest.approx(middle, abs=0.02 * abs(rates).max())
+
+
+@pytest.mark.parametrize('name', [x for x in MOVING_GUIDES if 'pump' not in x])
+def test_blocks_and_barrels_turn_with_their_guides(name):
+    mechanism = MOVING_GUIDES[name]
+    solver, drawing = Solver(mechanism), Drawing(mechanism)
+    structure, (q,) = solver.structure, coordinates(mechanism, 1.3)
+    position = np.array(solver.state(q).position)
+    lines = drawing.links(drawing.place(position[np.newaxis]))
+    for j, link in enumerate(structure.links):
+        if not link.slides or link.is_guided:
+            continue
+        spin, guide = axes_of(structure.links, j)
+        way = cmath.rect(1.0, (0.0 if spin is None else position[spin]) + (guide or 0.0))
+        point = structure.point_of(j, (0.0, 0.0))
+        pin = point.fixed + np.array(point.weights) @ np.exp(1j * position)
+        line = (lines[link.name][0] @ (1, 1j) - pin) / way  # in the axes of the guide
+        if link.name.endswith('slider'):
+            assert abs(line[[0, 5]].imag).max() < 1e-9
+            assert line[0].real < 0 < line[5].real
+            assert abs(line[[2, 3, 7, 8]].sum()) < 1e-9  # the corners of the block
+        else:  # from the mouth of the barrel to the pin
+            assert abs(line[:2].imag).max() < 1e-9
+            assert line[1] == pytest.approx(0.0, abs=1e-9)
