@@ -2,14 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Colours for Rerun, charts, documents and URDF.
 
-Apart from greys, they are from the colour-blind-safe palette of Okabe and Ito. A link and its
-curves have the same colour, which is visible on black and on white. Two further colours are for
-the links of dyads, and for pairs of other items, such as states, energies or controllers. In
-charts without a mechanism, a legend explains the colours.
+Apart from greys, brown and cobalt, they are from the colour-blind-safe palette of Okabe and Ito. A
+link and its curves have the same colour, which is visible on black and on white; no two of eight
+links have the same one. Two colours are also for pairs of other items, such as states, energies or
+controllers. In charts without a mechanism, a legend explains the colours.
 
 Public: other packages may import this module.
 """
 
+from collections.abc import Iterable
 from typing import TypeAlias
 
 Color: TypeAlias = tuple[int, int, int]
@@ -20,6 +21,9 @@ GREEN: Color = (0, 158, 115)
 PURPLE: Color = (204, 121, 167)
 ORANGE: Color = (230, 159, 0)
 SKY: Color = (86, 180, 233)
+# The two colours that are farthest from those above, also as the colour-blind see them.
+BROWN: Color = (152, 52, 24)
+COBALT: Color = (0, 56, 240)
 BLACK: Color = (40, 40, 40)
 DARK: Color = (110, 110, 110)
 GREY: Color = (150, 150, 150)
@@ -37,15 +41,46 @@ COLORS: dict[str, Color] = {
 FIRST, SECOND = SKY, ORANGE
 
 
-# Of the links and pins of dyads, whose names begin with that of the dyad.
-_DYADS: dict[str, Color] = {'first': SKY, 'barrel': SKY, 'from': SKY, 'to': DARK} | dict.fromkeys(
-    ('second', 'slider', 'rod', 'joint'), ORANGE
-)
+# Colours of the links of dyads, whose names begin with that of the dyad.
+_DYADS: dict[str, Color] = {
+    'first': SKY,
+    'barrel': SKY,
+    'second': ORANGE,
+    'slider': ORANGE,
+    'rod': ORANGE,
+}
+_IN_TURN = VERMILION, BLUE, GREEN, PURPLE, SKY, ORANGE, BROWN, COBALT
 
 
-def color_of(link: str) -> Color:
-    """Returns the colour of a link or a pin, given its name; grey if the name is unknown."""
-    return COLORS.get(link) or _DYADS.get(link.rpartition('_')[2], GREY)
+def colors_of(links: Iterable[str]) -> dict[str, Color]:
+    """Returns the colour of each link of a mechanism.
+
+    The usual names have their own colours; the first eight links have different colours.
+
+    Args:
+        links: Names of all moving links.
+    """
+    names = [*links]
+    found = dict[str, Color]()
+    for name in names:
+        usual = COLORS.get(name) or _DYADS.get(name.rpartition('_')[2])
+        if usual and usual not in found.values():
+            found[name] = usual
+    for name in names:
+        if name not in found:
+            used = [*found.values()]
+            found[name] = min(_IN_TURN, key=used.count)
+    return {name: found[name] for name in names}
+
+
+def dashes_of(colors: Iterable[Color]) -> list[int]:
+    """Returns how often each colour occurs before, by which lines of one colour are told apart."""
+    seen = list[Color]()
+    found = []
+    for color in colors:
+        found.append(seen.count(color))
+        seen.append(color)
+    return found
 
 
 def mixed(color: Color, other: Color, share: float) -> Color:

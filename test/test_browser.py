@@ -12,14 +12,14 @@ import pytest
 from ros_harness import fresh_domain, running, wait_for
 from test_rerun_connection import late_viewer, log, page_of  # noqa: F401, log is a fixture
 
-from linkage_ros.palette import color_of
+from linkage_ros.palette import colors_of
 from linkage_ros.settings.presets import preset_path
 from linkage_ros.units import NS_PER_S
 
 
 def places(picture, *links):
     """Returns where a part of a picture has the colours of links; empty if one is not shown."""
-    masks = [(picture == color_of(link)).all(axis=-1) for link in links]
+    masks = [(picture == color).all(axis=-1) for color in colors_of(links).values()]
     return [np.argwhere(mask).tolist() for mask in masks] if all(map(np.any, masks)) else []
 
 

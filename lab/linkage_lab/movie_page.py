@@ -19,7 +19,7 @@ from linkage_lab.output import shown_range
 from linkage_lab.period import OVER_TIME, Period
 from linkage_ros.formulas import Array
 from linkage_ros.internals import Drawing
-from linkage_ros.palette import GREY, SECOND, Color, color_of
+from linkage_ros.palette import GREY, SECOND, Color
 
 _SIZE, _TALLEST = 480, 400  # px, width of a picture, and largest height of the linkage
 _ROOM = 26  # px around the linkage, for the names of its pins
@@ -108,36 +108,37 @@ def _quantities(period: Period) -> list[_Quantity]:
     columns, output, driven = period.columns, period.solver.output, period.driven.name
     is_law, speed = period.across is OVER_TIME, columns[f'{driven}.velocity']
     is_uneven = bool(np.ptp(speed.values) > 0)
-    effort, color = period.effort.replace('_', ' ').capitalize(), color_of(driven)
+    effort, colors = period.effort.replace('_', ' ').capitalize(), period.colors
     if period.driven.slides:
         word = period.driven.driven_word.capitalize()
         found = [
-            _Quantity(f'{word} position', 'm', color, period.crank, is_law),
-            _Quantity(f'{word} speed', 'm/s', color, speed.values, is_uneven),
+            _Quantity(f'{word} position', 'm', colors[driven], period.crank, is_law),
+            _Quantity(f'{word} speed', 'm/s', colors[driven], speed.values, is_uneven),
         ]
     else:
         rpm = speed.values * 30 / math.pi
         found = [
-            _Quantity('Crank angle', 'deg', color, np.degrees(period.crank), is_law),
-            _Quantity('Crank speed', 'rpm', color, rpm, is_uneven),
+            _Quantity('Crank angle', 'deg', colors[driven], np.degrees(period.crank), is_law),
+            _Quantity('Crank speed', 'rpm', colors[driven], rpm, is_uneven),
         ]
     found += [
-        _quantity(columns[f'{output}.position'], f'{output.capitalize()} position', output, False),
-        _quantity(columns[f'{output}.velocity'], f'{output.capitalize()} speed', output),
-        _quantity(columns[period.effort], effort, driven),
-    ]
+        _quantity(columns[f'{output}.position'], f'{output.capitalize()} position', colors[output],
+                  is_drawn=False),
+        _quantity(columns[f'{output}.velocity'], f'{output.capitalize()} speed', colors[output]),
+        _quantity(columns[period.effort], effort, colors[driven]),
+    ]  # fmt: skip
     for name, column in columns.items():
         link, _, kind = name.partition('.')
         if kind == 'load':
-            found.append(_quantity(column, f'Load on the {link}', link))
+            found.append(_quantity(column, f'Load on the {link}', colors[link]))
     return found
 
 
-def _quantity(column: Column, name: str, link: str, is_drawn: bool = True) -> _Quantity:
+def _quantity(column: Column, name: str, color: Color, *, is_drawn: bool = True) -> _Quantity:
     unit, values = column
     if unit == 'rad':
         unit, values = 'deg', np.degrees(values)
-    return _Quantity(name.replace('_', ' '), unit, color_of(link), values, is_drawn)
+    return _Quantity(name.replace('_', ' '), unit, color, values, is_drawn)
 
 
 class _Linkage(NamedTuple):
@@ -222,10 +223,10 @@ def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:
     parts = [
         f'<svg id="linkage" viewBox="{box}" role="img" aria-label="the linkage">',
         *(line(ground, GREY, 1.2) for ground in drawing.ground),
-        *(line(path, color_of(owner), 1.2) for path, owner in paths),
+        *(line(path, drawing.colors[owner], 1.2) for path, owner in paths),
         f'<polyline points="{_spaced(bar)}" stroke="rgb{GREY}"/>',
         f'<text class="tick" x="{bar[2, 0] + 6:.1f}" y="{height - 8}">{scale_length} m</text>',
-        *(moving(shape, color_of(link), 5.0) for link, shape in links.items()),
+        *(moving(shape, drawing.colors[link], 5.0) for link, shape in links.items()),
         *(moving(shape, SECOND, 2.5) for shape in loads.values()),
         *(f'<circle r="4" transform="translate({_spaced(place(pivot))})" fill="rgb{GREY}"/>'
           for pivot in drawing.pivots),

@@ -34,6 +34,7 @@ STYLE: dict[Any, Any] = {
 }  # fmt: skip
 _UNDISTURBED = 0.95  # share of a processor above which times are trusted
 _AROUND = 16  # steps beside an infinite value, beyond whose values a diagram need not reach
+_DASHES: tuple[Any, ...] = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
 # Metadata with the source of a picture, by format. Quoting leaves no special characters, and the
 # closing one separates the source from what follows, such as a checksum.
 _METADATA = {'.png': 'Source', '.svg': 'Source', '.pdf': 'Subject'}
@@ -150,6 +151,11 @@ class Stopwatch:
 def rounded(value: float) -> str:
     """Writes a number with four significant digits, below ten millions without an exponent."""
     return f'{float(f"{value:.4g}"):.7g}'
+
+
+def dash(number: int) -> Any:
+    """Returns the style of a line that may coincide with others, or shares its colour."""
+    return _DASHES[number % len(_DASHES)]
 
 
 def save_records(path: Path, records: list[dict[str, Any]]) -> None:

@@ -35,6 +35,7 @@ from linkage_ros import (
 )
 from linkage_ros.formulas import Array
 from linkage_ros.internals import Drawing, without_turns
+from linkage_ros.palette import colors_of
 
 # Speed of a crank that is drawn over its arc, or of a cylinder over its stroke, m/s; and the part
 # of the arc or stroke left out at each end.
@@ -87,6 +88,7 @@ class Period:
         across: The variable in `x`.
         speed: Mean speed of the driven joint, rad/s or m/s; along a law, its mean magnitude.
         mean_power: Mean driving power over time, W.
+        colors: Colours of the links by name.
         columns: Quantities by name, such as 'coupler.position'; angles are unwrapped.
         gaps: Whether a column of forces has no value at each crank angle, by name; see
             `around_gaps`.
@@ -115,6 +117,7 @@ class Period:
         if self.driven.slides:
             over = Across(f'Position of the {self.driven.driven_word}', 'm', 1.0)
         self.x, self.across = (crank, over) if time is None else (time, OVER_TIME)
+        self.colors = colors_of(solver.links)
         self.columns: dict[str, Column] = {}
         self.gaps: dict[str, Array] = {}
         links = dict(zip(solver.links, solver.structure.links, strict=True))

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.rigid_links import RigidLink, rigid_links
 from linkage_ros.messages.templates import ROOT_FRAME
-from linkage_ros.palette import color_of, fractions
+from linkage_ros.palette import Color, colors_of, fractions
 
 # URDF requires effort and velocity limits for a prismatic joint, which the model does not have.
 _NO_LIMIT = '1e9'
@@ -55,6 +55,7 @@ def make_urdf(
         The URDF as XML text.
     """
     links, driven = rigid_links(mechanism, joint_prefix), mechanism.structure().driven
+    colors = colors_of(link.joint.name for link in links)
     # The loop cannot close beyond these limits.
     (loop, output), *added = mechanism.structure().closures
     reach = {output: math.fsum(map(abs, (*loop.weights, loop.fixed)))}
@@ -64,7 +65,8 @@ def make_urdf(
     robot = element('robot', element('link', name=frame_id), name='linkage')
     for i, link in enumerate(links):
         above = -1 if link.joint.parent is None else link.joint.parent
-        robot.extend([_link(link), _joint(link, parents[above + 1], repr(reach.get(i)))])
+        robot.append(_link(link, colors[link.joint.name]))
+        robot.append(_joint(link, parents[above + 1], repr(reach.get(i))))
     robot.extend([_ros2_control(links[driven].name)] if ros2_control else [])
     ET.indent(robot)
     return ET.tostring(robot, encoding='unicode', xml_declaration=True) + '\n'
@@ -83,12 +85,12 @@ def comment(link: RigidLink) -> list[Any]:
     return [ET.Comment(link.note)] if link.note else []
 
 
-def rgba(link: RigidLink) -> str:
-    """Returns red, green, blue and opacity of a link, each from 0 to 1."""
-    return ' '.join(f'{part:.3f}' for part in fractions(color_of(link.joint.name))) + ' 1'
+def _rgba(color: Color) -> str:
+    """Returns red, green, blue and opacity, each from 0 to 1."""
+    return ' '.join(f'{part:.3f}' for part in fractions(color)) + ' 1'
 
 
-def _link(link: RigidLink) -> ET.Element:
+def _link(link: RigidLink, color: Color) -> ET.Element:
     # The parameters define only izz; for a flat body, ixx + iyy = izz.
     half = repr(link.inertia / 2)
     return element(
@@ -97,7 +99,7 @@ def _link(link: RigidLink) -> ET.Element:
             'visual',
             _origin(*link.place),
             element('geometry', element('box', size=text_of(*link.box))),
-            element('material', element('color', rgba=rgba(link)), name=link.name),
+            element('material', element('color', rgba=_rgba(color)), name=link.name),
         ),
         *comment(link),
         element(

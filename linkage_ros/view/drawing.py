@@ -20,6 +20,7 @@ from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Point, Structure
 from linkage_ros.numeric import Array
+from linkage_ros.palette import colors_of
 from linkage_ros.view.load_arrows import Complex, LoadArrows, placed
 
 # Fractions of the size of the picture: a mark, the unit of the lengths below, which is the size of
@@ -59,6 +60,7 @@ class Drawing:
 
     Attributes:
         joints: Names of the joints, in the order of the links.
+        colors: Colours of the links by name.
         turning: Names of the links with an angle: all except a slider or rod.
         pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
         pivot_names: Names of the pivots.
@@ -90,6 +92,7 @@ class Drawing:
         structure = mechanism.structure()
         self._links = structure.links
         self.joints = tuple(link.name for link in self._links)
+        self.colors = colors_of(self.joints)
         self.turning = tuple(link.name for link in self._links if not link.slides)
         self._find_points(structure)
         asides = self._find_owners(structure)

@@ -20,7 +20,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from linkage_ros.numeric import Array
-from linkage_ros.palette import GREY, SECOND, color_of
+from linkage_ros.palette import GREY, SECOND
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.view.drawing import Drawing, free_ends
 
@@ -141,14 +141,15 @@ class RerunDrawing:
         drawing = self.drawing
         scale = drawing.scale.mean(axis=0)
         fixed = [*drawing.ground, drawing.scale, *drawing.paths.values()]
-        greys = len(fixed) - len(drawing.paths)
+        owners = [drawing.colors[drawing.owners[x]] for x in drawing.paths]
+        greys = [GREY] * (len(fixed) - len(owners))
         links = len(drawing.joints)
         return {
             LINKAGE: [rr.Transform3D(scale=[1, -1, 1])],  # y is down in Rerun's 2-D views
             _FIXED: [
                 rr.LineStrips2D(
                     [line.astype(np.float32) for line in fixed], radii=_THIN,
-                    colors=[GREY] * greys + [color_of(drawing.owners[x]) for x in drawing.paths],
+                    colors=greys + owners,
                 ),
                 _points([*drawing.pivot_labels, scale, *drawing.pivots],
                         [*drawing.pivot_names, f'{drawing.scale_length:g} m'],
@@ -157,7 +158,7 @@ class RerunDrawing:
             _LOADS: [rr.Points2D.from_fields(colors=SECOND, radii=0.0, show_labels=True)],
             _MOVING: [
                 rr.LineStrips2D.from_fields(
-                    colors=[*map(color_of, drawing.joints), *(SECOND for _ in drawing.loaded)],
+                    colors=[*drawing.colors.values(), *(SECOND for _ in drawing.loaded)],
                     radii=[_THICK] * links + [_MEDIUM] * len(drawing.loaded),
                     draw_order=_FRONT - 1,
                 ),
@@ -205,7 +206,7 @@ class RerunDrawing:
         names = self._curves[entity]
         series = rr.SeriesLines(
             names=names,
-            colors=[color_of(name) for name in names],
+            colors=[self.drawing.colors[name] for name in names],
             widths=[2.0] * len(names),
             visible_series=[shown in (None, number) for number in range(len(names))],
             aggregation_policy='MinMax',  # no averaging, to keep the peaks

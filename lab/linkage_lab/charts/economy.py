@@ -38,13 +38,12 @@ from linkage_ros.palette import (
     BLACK,
     BLUE,
     DARK,
-    GREY,
     ORANGE,
     PURPLE,
     SKY,
     WHITE,
     Color,
-    color_of,
+    colors_of,
     fractions,
     mixed,
 )
@@ -131,7 +130,8 @@ def economy(options: argparse.Namespace) -> None:
         savings = measured.measure(rpms, 20 if options.quick else 200)
         sentence = measured.sentence(own, options.tolerance, savings)
         save_records(records, savings)
-        _draw(savings, [*measured.terms], sentence, own, options.tolerance, drawn)
+        colors = colors_of(configuration.mechanism.parts())
+        _draw(savings, [*measured.terms], colors, sentence, own, options.tolerance, drawn)
     print(*doubts(configuration), f'{name}: {sentence}', records, *drawn.paths, sep='\n')
 
 
@@ -324,6 +324,7 @@ def _listed(names: Sequence[str], word: str) -> str:
 def _draw(
     savings: Sequence[Saving],
     terms: Sequence[str],
+    colors: Mapping[str, Color],
     sentence: str,
     rpm: float,
     tolerance: float,
@@ -336,7 +337,7 @@ def _draw(
         bars, reduced, table = figure.subplot_mosaic(
             [['bars', 'bars'], ['reduced', 'table']], width_ratios=(1, 1.1), height_ratios=heights
         ).values()
-        _draw_bars(bars, savings, terms)
+        _draw_bars(bars, savings, terms, colors)
         _draw_reduced(reduced, own)
         for axes, most in (bars, 1.5 * max(x['error'] for x in savings)), (reduced, 3.0):
             axes.set(yscale='log', ylim=(_LEAST, most))
@@ -349,7 +350,9 @@ def _draw(
         table.legend(*reduced.get_legend_handles_labels(), loc='lower left', ncols=2)
 
 
-def _draw_bars(axes: Axes, savings: Sequence[Saving], terms: Sequence[str]) -> None:
+def _draw_bars(
+    axes: Axes, savings: Sequence[Saving], terms: Sequence[str], colors: Mapping[str, Color]
+) -> None:
     """Draws the errors without each term, and the speed above which inertia dominates."""
     speeds = list(dict.fromkeys(x['rpm'] for x in savings))
     width, loads = _ROOM / len(terms), itertools.cycle(_LOADS)
@@ -357,10 +360,9 @@ def _draw_bars(axes: Axes, savings: Sequence[Saving], terms: Sequence[str]) -> N
         places = np.arange(len(speeds)) + (i + 0.5) * width - _ROOM / 2
         errors = [x['error'] for x in savings if x['left_out'] == name]
         group, _, part = name.partition('.')
-        color = _OTHERS.get(group) or color_of(group)
-        is_load = color == GREY
-        if is_load:
-            color = next(loads)
+        color = _OTHERS.get(group) or colors.get(group)
+        is_load = color is None
+        color = color or next(loads)
         for place, error in zip(places, errors, strict=True):
             if error < _LEAST:  # too low to be drawn
                 words = '0' if error < _ROUNDING else f'{error:.0e}'

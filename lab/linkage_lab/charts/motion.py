@@ -25,6 +25,7 @@ from linkage_lab.output import (
     WIDTH,
     Pictures,
     chart,
+    dash,
     doubts,
     folder,
     over,
@@ -37,7 +38,7 @@ from linkage_lab.output import (
 from linkage_lab.period import OVER_TIME, Period, extent, period_to_show, stepped
 from linkage_ros import ConfigurationError, load, palette
 from linkage_ros.formulas import Array
-from linkage_ros.palette import BLACK, COLORS, DARK, Color, color_of, fractions
+from linkage_ros.palette import BLACK, DARK, GREY, SECOND, Color, dashes_of, fractions
 
 # Inches. Heights: picture, at most; linkage; linkage above the text; diagram, at most; gap between
 # diagrams; bottom margin; line of text; row of the table.
@@ -57,13 +58,8 @@ _CHARACTER = 0.071  # width of a character of the table
 _SINGLE = 6  # most diagrams in one column
 _DRAWN_AT = 45.0  # crank angle of the drawing, deg, at which links rarely overlap
 _TITLES = {'deg': 'Direction', 'rad/s': 'Rate', 'rad/s\u00b2': 'Acceleration'}
-_DASHES = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
-# A pin's force has the colour of the link on which it acts; the force at B0 has the colour of the
-# ground. Shaking force, shaking moment and guide force have colours of their own.
 _FORCES: dict[str, Color] = {
-    'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': DARK,
     'guide': BLACK, 'force.x': BLACK, 'force.y': DARK, 'moment': BLACK, 'power': BLACK,
-    'torque': COLORS['crank'], 'force': COLORS['rod'],
 }  # fmt: skip
 # Colours of the designs, in order.
 DESIGN_COLORS = (
@@ -318,14 +314,15 @@ def _panels(period: Period, show: Collection[str]) -> Iterator[_Panel]:
             yield from _by_unit([_curve(period, x, x.replace('.', ' ')) for x in loads], 'Load')
             points = [name for name in columns if name.endswith('.force.x')]
             for name in (x.removesuffix('.force.x') for x in points):
-                forces = [_curve(period, f'{name}.force.{x}', f'{name}.{x}') for x in 'xy']
+                x, y = (_curve(period, f'{name}.force.{x}', f'{name}.{x}') for x in 'xy')
+                forces = [x._replace(color=SECOND), y._replace(color=DARK)]
                 yield _Panel(f'Force {name}, N', forces)
         elif quantity == 'point':
             for name, link in period.solver.structure.traced.items():
                 x, y = (_curve(period, f'{name}.position.{x}', f'{name}.{x}') for x in 'xy')
                 yield _Panel(
                     f'Point {name}, m',
-                    [x._replace(color=color_of(link)), y._replace(color=DARK)],
+                    [x._replace(color=period.colors[link]), y._replace(color=DARK)],
                 )
         else:
             is_known = period.across is not OVER_TIME and (even or quantity == 'position')
@@ -367,7 +364,23 @@ def _curve(period: Period, column: str, name: str, across: str = '') -> _Curve:
         unit, values = 'deg', np.degrees(values)
     unit = unit.replace('^2', '\N{SUPERSCRIPT TWO}')
     values = np.round(values, 12) + 0.0  # hides rounding errors of constant values
-    return _Curve(name, _FORCES.get(name) or color_of(name.split()[0]), unit, period, values)
+    return _Curve(name, _color(period, name), unit, period, values)
+
+
+def _color(period: Period, name: str) -> Color:
+    """Returns the colour of a curve: that of the link, of the driven link, or of a pin's force."""
+    link = period.driven.name if name in {'torque', 'force'} else name.split()[0]
+    known = _colors_of_pins(period) | _FORCES | period.colors
+    return known.get(name) or known.get(link, GREY)
+
+
+def _colors_of_pins(period: Period) -> dict[str, Color]:
+    """Returns the colour of each pin's force: that of the link on which it acts, once."""
+    found = dict[str, Color]()
+    for pin in period.solver.structure.pins:
+        color = period.colors[period.solver.links[pin.second]]
+        found[pin.name] = DARK if color in found.values() else color
+    return found
 
 
 def _by_unit(curves: Sequence[_Curve], title: str = '', other: str = '') -> Iterator[_Panel]:
@@ -387,11 +400,13 @@ def _by_unit(curves: Sequence[_Curve], title: str = '', other: str = '') -> Iter
 def _draw(axes: Axes, panel: _Panel) -> list[Line2D]:
     """Draws the curves of a diagram; returns their lines."""
     # Curves of forces may coincide: dashes let the curve below show through.
-    dashes = itertools.cycle(_DASHES if panel.curves[0].unit == 'N' else _DASHES[:1])
+    numbers: Iterable[int] = range(len(panel.curves))
+    if panel.curves[0].unit != 'N':
+        numbers = dashes_of(curve.color for curve in panel.curves)
     lines: list[Line2D] = []
-    for curve, dash in zip(panel.curves, dashes, strict=False):
+    for curve, number in zip(panel.curves, numbers, strict=True):
         marks, color = curve.period.marks, fractions(curve.color)
-        lines += axes.plot(marks, curve.values, linestyle=dash, color=color, linewidth=1.6)
+        lines += axes.plot(marks, curve.values, linestyle=dash(number), color=color, linewidth=1.6)
     axes.set_ylim(shown_range([curve.values for curve in panel.curves], axes.get_ylim()))
     label = textwrap.fill(panel.title, 14)  # not higher than a low diagram
     over(axes, max((curve.period.marks for curve in panel.curves), key=np.max), label, 4)

@@ -22,6 +22,7 @@ from linkage_lab.output import (
     SMALL,
     STYLE,
     TEXT,
+    dash,
     doubts,
     folder,
     over,
@@ -32,7 +33,7 @@ from linkage_lab.output import (
 from linkage_lab.period import Period, period_to_show
 from linkage_ros import ConfigurationError, load
 from linkage_ros.formulas import Array
-from linkage_ros.palette import DARK, GREY, Color, color_of, fractions
+from linkage_ros.palette import DARK, GREY, Color, dashes_of, fractions
 
 _SECONDS = 3.0  # duration of a crank turn in the movie
 _RATE = 20  # frames per second
@@ -80,10 +81,15 @@ class LinkagePicture:
             self._plot(line, GREY, linewidth=0.9)
         for pin, owner in drawing.owners.items():
             path = self._tracks[:, drawing.pins.index(pin)]
-            self._plot(path, color_of(owner), linewidth=1.3 if pin in drawing.traced else 0.8)
+            width = 1.3 if pin in drawing.traced else 0.8
+            self._plot(path, drawing.colors[owner], linewidth=width)
         shown = self._tracks[list(samples)]
+        styles = [dash(number) for number in dashes_of(drawing.colors.values())]
+        style_of = dict(zip(drawing.joints, styles, strict=True))
         self._links = {
-            link: self._plot(lines.reshape(-1, 2), color_of(link), linewidth=2.6)
+            link: self._plot(
+                lines.reshape(-1, 2), drawing.colors[link], linewidth=2.6, linestyle=style_of[link]
+            )
             for link, lines in drawing.links(shown).items()
         }
         pins = np.concatenate([drawing.pivots, shown.reshape(-1, 2)])
@@ -221,7 +227,8 @@ def _film(period: Period, name: str, words: str, writer: Any, path: Path) -> Non
         picture = LinkagePicture(linkage, period, samples)
         axes.plot(marks, torque, color='0.8', linewidth=1.2)
         axes.set_ylim(shown_range([torque], axes.get_ylim()))
-        (drawn,) = axes.plot([], [], color=fractions(color_of(period.driven.name)), linewidth=1.8)
+        color = fractions(period.colors[period.driven.name])
+        (drawn,) = axes.plot([], [], color=color, linewidth=1.8)
         (dot,) = axes.plot([], [], 'o', color=fractions(DARK), markersize=5)
         over(axes, marks, period.effort_title, 4)
         axes.set_xlabel(f'{period.across.name}, {period.across.unit}')
