@@ -127,7 +127,7 @@ def configuration(mechanism, rate=100.0):
         mechanism = replace(mechanism, slider=slider)
         drive = TorqueDrive(Motor(1.0, 0.3), 30.0, 0.7)
     session = replace(base.session, rate_hz=rate)
-    return replace(base, mechanism=mechanism, given=None, drive=drive, session=session)
+    return replace(base, mechanism=mechanism, drive=drive, session=session)
 
 
 @every

@@ -9,6 +9,7 @@ import struct
 import subprocess
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from golden import LOGS, STATES, first_difference, messages
 from live_logs import START, live, ticks
@@ -16,7 +17,7 @@ from mcap.records import Channel, Message, Metadata, Schema
 from mcap_records import records_of, write_records
 from ros_harness import PATIENCE, assert_refused, command, decoded, logged, report_of, verified
 
-from linkage_ros import LogError, __version__
+from linkage_ros import LogError, __version__, read_log
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
@@ -559,7 +560,11 @@ def test_changes_with_valid_checksums_are_detected(path, edit, words):
 
 @pytest.mark.parametrize('preset', LOGS)
 def test_golden_log_is_verified_and_has_the_states_of_today(tmp_path, preset):
-    """See golden.py. On another kind of processor, last bits may differ."""
+    """See golden.py. On another kind of processor, last bits may differ.
+
+    Those of a motion under a torque do even where states have equal bits: SciPy's integrator calls
+    BLAS.
+    """
     log = LogReader(LOGS[preset])
     assert log.configuration == load(preset)
     assert verified(LOGS[preset]).states == STATES
@@ -568,8 +573,12 @@ def test_golden_log_is_verified_and_has_the_states_of_today(tmp_path, preset):
     assert verified(today).states == STATES
     before, after = messages(LOGS[preset]), messages(today)
     assert before.keys() == after.keys()
-    if verify(log).ulp == 0:
+    if verify(log).ulp == 0 and not log.configuration.drive.is_integrated:
         assert before == after
+    new = read_log(today)['/joint_states']
+    for name, values in read_log(LOGS[preset])['/joint_states'].items():
+        same = new[name]
+        assert np.allclose(values, same, rtol=1e-12, atol=1e-12 * np.abs(values).max())
 
 
 @pytest.mark.parametrize('topic', ['/joint_states', '/driving_torque', '/mechanism_state'])
