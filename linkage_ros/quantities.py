@@ -4,11 +4,13 @@
 
 `quantity` declares the fields of mechanisms, drives, session and controller settings. These
 declarations also define the ROS parameters, their descriptors, checks and error messages.
+Angles may be texts in degrees, such as '85deg'.
 
 Public: other packages may import this module.
 """
 
 import dataclasses
+import decimal
 import functools
 import math
 import re
@@ -24,6 +26,21 @@ _T = TypeVar('_T')
 _LONGEST = 80  # largest length of a value in an error message, characters
 NAME = '[A-Za-z_][A-Za-z0-9_]*'  # regular expression of the names in `groups`
 _ANY = '(?s).*'  # pattern that matches any string
+_RAD, _RAD_OR_M = 'rad', 'rad or m'  # units of quantities that may be given in degrees
+_DECIMAL = r'[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,3})?'
+_DEGREES = re.compile(f'({_DECIMAL})deg')
+_MISSPELT_DEGREES = re.compile(
+    rf'\s*({_DECIMAL})\s*(?:deg|degrees?|\N{{DEGREE SIGN}})\s*', re.IGNORECASE
+)
+_DIGITS = decimal.Context(prec=60)
+_PI = decimal.Decimal('3.14159265358979323846264338327950288419716939937510582097494459')
+
+
+class Angle(float):
+    """An angle, rad, given in degrees as the value of a quantity in rad or m.
+
+    `refuse_angles` rejects it if the quantity turns out to be a position.
+    """
 
 
 @dataclass(frozen=True)
@@ -74,10 +91,12 @@ class Quantity:
 
         Args:
             name: Name of the field in error messages.
-            value: Value to convert; integers are accepted as numbers, and lists as pairs.
+            value: Value to convert; integers are accepted as numbers, lists as pairs, and texts
+                such as '85deg' as angles.
 
         Returns:
-            The value as float, int, tuple of floats, str, tuple of str or bool.
+            The value as float, int, tuple of floats, str, tuple of str or bool. An angle in
+            degrees is converted to rad and rounded once; 'rad or m' gives an `Angle`.
 
         Raises:
             ConfigurationError: The value is of the wrong type or outside its range.
@@ -86,9 +105,30 @@ class Quantity:
             return value + 0.0  # the common case, as in `_number`
         cleaned = self._read(value)
         if cleaned is None:
-            hint = _comma_hint(value) if self.kind == 'number' else ''
-            raise ConfigurationError(f'{name} = {shown(value)}: must be {self.valid}{hint}')
+            raise ConfigurationError(
+                f'{name} = {shown(value)}: must be {self.valid}{self._hint(value)}'
+            )
         return cleaned
+
+    @property
+    def _is_angle(self) -> bool:
+        return self.unit in {_RAD, _RAD_OR_M}
+
+    def _hint(self, value: object) -> str:
+        """Suggests how to write a number, for an error message."""
+        items = value if isinstance(value, (list, tuple)) else (value,)
+        texts = [x for x in items if isinstance(x, str) and self._number(x) is None]
+        if self.kind not in {'number', 'whole', 'pair', 'list'} or not texts:
+            return ''
+        text = texts[0]
+        if self.kind == 'number' and (hint := _comma_hint(text)):
+            return hint
+        degrees = _MISSPELT_DEGREES.fullmatch(text)
+        if not self._is_angle:
+            return '; only angles in rad may be given in degrees' if degrees else ''
+        if (angle := _radians(text)) is not None:
+            return f'; {text} is {angle:g} rad'
+        return f'; in degrees, write {degrees[1] if degrees else 85}deg'
 
     def _read(self, value: object) -> object:
         """Converts a value to the type of the field; returns None if the value is invalid."""
@@ -119,6 +159,13 @@ class Quantity:
         return re.fullmatch(self.pattern or _ANY, text) is not None
 
     def _number(self, value: object) -> float | None:
+        if isinstance(value, str):
+            angle = _radians(value) if self._is_angle else None
+            if angle is None or not self.low <= angle <= self.high:
+                return None
+            return Angle(angle) if self.unit == _RAD_OR_M else angle
+        if isinstance(value, Angle) and self.unit == _RAD_OR_M:
+            return value if self.low <= value <= self.high else None
         if not isinstance(value, float):
             if isinstance(value, bool) or not isinstance(value, Real):
                 return None
@@ -130,11 +177,38 @@ class Quantity:
         return float(value) + 0.0 if self.low <= value <= self.high else None
 
 
-def _comma_hint(value: object) -> str:
+def _radians(text: str) -> float | None:
+    """Converts a text such as '85deg' to rad, rounded once; returns None for other texts."""
+    match = _DEGREES.fullmatch(text)
+    if match is None:
+        return None
+    degrees = decimal.Decimal(match[1])
+    return float(_DIGITS.divide(_DIGITS.multiply(degrees, _PI), decimal.Decimal(180))) + 0.0
+
+
+def refuse_angles(name: str, value: object, what: str) -> None:
+    """Rejects angles in degrees as positions.
+
+    Args:
+        name: Name of the parameter, for the error message.
+        value: Cleaned value of a quantity in rad or m; a number, a tuple of numbers, or None.
+        what: Name of the part that slides.
+
+    Raises:
+        ConfigurationError: A number was given in degrees.
+    """
+    for number in value if isinstance(value, tuple) else (value,):
+        if isinstance(number, Angle):
+            raise ConfigurationError(
+                f'{name} = {math.degrees(number):.9g}deg: must be in m, because {what} slides'
+            )
+
+
+def _comma_hint(text: str) -> str:
     """Suggests a point instead of a decimal comma, for an error message."""
-    if not isinstance(value, str) or not re.fullmatch(r'[-+]?\d+,\d+', value):
+    if not re.fullmatch(r'[-+]?\d+,\d+', text):
         return ''
-    return f'; write {value.replace(",", ".")}, with a point instead of a comma'
+    return f'; write {text.replace(",", ".")}, with a point instead of a comma'
 
 
 def shown(value: object) -> str:

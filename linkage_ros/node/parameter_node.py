@@ -5,7 +5,9 @@
 import functools
 import itertools
 import sys
+from array import array
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -20,9 +22,9 @@ from rclpy.parameter import Parameter
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.messages.topics import SIMULATED_CLOCK
 from linkage_ros.node.process import rclpy_internals, reported_as_configuration
-from linkage_ros.quantities import Leaf, Quantity
+from linkage_ros.quantities import Leaf, Quantity, shown
 from linkage_ros.settings.configuration import with_files, without_ros_parameters
-from linkage_ros.settings.yaml_file import read_parameter_file
+from linkage_ros.settings.yaml_file import read_parameter_file, read_scalar
 from linkage_ros.units import NS_PER_S, TIME_END
 
 _TYPES = {
@@ -37,15 +39,27 @@ _TYPES = {
 }
 
 
+_NUMBERS = {'number', 'pair', 'list'}  # kinds whose values are floats
+_ARRAYS = {
+    Parameter.Type.DOUBLE_ARRAY,
+    Parameter.Type.INTEGER_ARRAY,
+    Parameter.Type.STRING_ARRAY,
+}
+
+
 def given_values(node: Node) -> dict[str, object]:
     """Returns the node's own parameters that command line and parameter files set, by name.
 
     Files that a parameter file names are relative to it.
+
+    Raises:
+        ConfigurationError: A parameter file hides a value of the command line.
     """
     with rclpy_internals():
         # The public automatic declaration refuses empty lists and accepts use_sim_time: 7.
         overrides = node._parameter_overrides  # noqa: SLF001
     found = without_ros_parameters({name: p.value for name, p in overrides.items()})
+    _require_no_hidden(found)
     for option, path in itertools.pairwise(sys.argv):
         if option == '--params-file' and any(name.endswith('.file') for name in found):
             read = read_parameter_file(path, node.get_fully_qualified_name())
@@ -53,6 +67,34 @@ def given_values(node: Node) -> dict[str, object]:
                 if found.get(name) == read[name]:
                     found[name] = value
     return found
+
+
+def _require_no_hidden(values: Mapping[str, Any]) -> None:
+    """Rejects values of the command line that rcl ignores.
+
+    If a parameter file gives a whole number, rcl ignores a later -p with another number or text;
+    if it gives a float, a later text.
+
+    Args:
+        values: Values by name, as rcl gives them.
+
+    Raises:
+        ConfigurationError: There is such a value.
+    """
+    rules = (rule for option, rule in itertools.pairwise(sys.argv) if option in {'-p', '--param'})
+    for name, text in dict(rule.split(':=', 1) for rule in rules if ':=' in rule).items():
+        value = values.get(name)
+        first = value[0] if isinstance(value, list | array) and value else value
+        one = text.strip('[] ').partition(',')[0]
+        given = read_scalar(one)
+        is_float = isinstance(given, float) and not one.lstrip('+-').isdigit()
+        is_ignored = type(first) is int and is_float
+        is_text = type(first) in {int, float} and isinstance(given, str) and 'deg' in given
+        if is_ignored or is_text:
+            raise ConfigurationError(
+                f'{name} = {shown(value)} of a parameter file hides -p {name}:={text}, because '
+                f'ROS ignores a value of another type: take {name} out of the file'
+            )
 
 
 def _set_clock(set_clock: Callable[[Any], None], message: Any) -> None:
@@ -84,7 +126,7 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
         for subscription in self.subscriptions:  # with use_sim_time, rclpy's own of /clock
             if subscription.topic_name == clock:
                 subscription.callback = functools.partial(_set_clock, subscription.callback)
-        self._live: dict[str, Quantity] = {}
+        self._quantities: dict[str, Quantity] = {}
 
     def set_live(self, name: str, value: Any) -> None:
         """Handles a change of a live parameter to a checked value; subclasses override this."""
@@ -102,8 +144,7 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
                 # The overrides are in the values; rclpy would refuse 60 for 60.0.
                 descriptor = _descriptor(name, quantity)
                 self.declare_parameter(name, values[name], descriptor, ignore_override=True)
-                if quantity.live:
-                    self._live[name] = quantity
+                self._quantities[name] = quantity
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Sets all parameters or none; all services that set parameters call this method.
@@ -116,16 +157,20 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
         """
         changed = []
         for given in parameter_list:
-            new = _with_floats(given) if given.name in self._live else given
+            new = _with_numbers(given, self._quantities.get(given.name))
             old = self.get_parameter(new.name) if self.has_parameter(new.name) else None
             if old is None or new.get_parameter_value() != old.get_parameter_value():
                 changed.append(new)
         if any(parameter.name == 'use_sim_time' for parameter in changed):
             reason = 'use_sim_time is read when the node starts: start it again'
             return SetParametersResult(successful=False, reason=reason)
-        live = [x for x in changed if x.name in self._live and x.value is not None]
+        live = {name: quantity for name, quantity in self._quantities.items() if quantity.live}
         try:  # rclpy accepts numbers just beyond a range, and does not check those of an array
-            checked = {x.name: self._live[x.name].clean(x.name, _plain(x)) for x in live}
+            checked = {
+                x.name: live[x.name].clean(x.name, _plain(x))
+                for x in changed
+                if x.name in live and x.value is not None
+            }
         except ConfigurationError as error:
             return SetParametersResult(successful=False, reason=str(error))
         result = super().set_parameters_atomically(changed)
@@ -137,16 +182,27 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
 
 def _plain(parameter: Parameter) -> object:
     """Returns the value of a parameter, with a list for an array of numbers."""
-    is_array = parameter.type_ == Parameter.Type.DOUBLE_ARRAY
-    return list(parameter.value) if is_array else parameter.value
+    return list(parameter.value) if parameter.type_ in _ARRAYS else parameter.value
 
 
-def _with_floats(parameter: Parameter) -> Parameter:
-    """Converts whole numbers to floats."""
-    if parameter.type_ == Parameter.Type.INTEGER:
-        return Parameter(parameter.name, value=float(parameter.value))
-    if parameter.type_ == Parameter.Type.INTEGER_ARRAY:
-        return Parameter(parameter.name, value=[*map(float, parameter.value)])
+def _with_numbers(parameter: Parameter, quantity: Quantity | None) -> Parameter:
+    """Converts whole numbers to floats, and angles in degrees to rad.
+
+    Args:
+        parameter: A parameter that is set.
+        quantity: Its quantity; None if it has none.
+
+    Returns:
+        The converted parameter; the given one if there is nothing to convert, or no valid value.
+    """
+    value = _plain(parameter)
+    items = value if isinstance(value, list) else [value]
+    if quantity is None or quantity.kind not in _NUMBERS:
+        return parameter
+    if not all(type(x) in {int, str} for x in items):
+        return parameter
+    with suppress(ConfigurationError):
+        return Parameter(parameter.name, value=quantity.clean(parameter.name, value))
     return parameter
 
 

@@ -11,7 +11,16 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.joints import RobotJoint, own_joints
-from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
+from linkage_ros.quantities import (
+    Checked,
+    Leaf,
+    build,
+    flatten,
+    leaves,
+    quantity,
+    refuse_angles,
+    shown,
+)
 
 FRAME = 'frame'
 GROUP = 'joints'
@@ -92,6 +101,29 @@ def measured_from(links: Sequence[Link], link: Link, given: JointSettings | None
     return (given and given.parent) or of_tree
 
 
+def _check(given: JointSettings, link: Link, parents: Sequence[str]) -> None:
+    """Checks the settings of a joint.
+
+    Args:
+        given: The settings.
+        link: The link of the joint.
+        parents: Links from which the joint may be measured.
+
+    Raises:
+        ConfigurationError: The parent is not valid, the zero of a sliding link is in degrees, or
+            the ratio is 0.
+    """
+    group = f'{GROUP}.{link.name}'
+    if given.parent is not None and given.parent not in parents:
+        raise ConfigurationError(
+            f'{group}.parent = {shown(given.parent)}: must be {" or ".join(parents)}'
+        )
+    if link.slides:
+        refuse_angles(f'{group}.zero', given.zero, f'the {link.name}')
+    if given.ratio == 0:
+        raise ConfigurationError(f'{group}.ratio = 0: must be positive or negative')
+
+
 def robot_joints(
     links: Sequence[Link],
     settings: Mapping[str, JointSettings],
@@ -113,7 +145,8 @@ def robot_joints(
         The joints, in the order of the links.
 
     Raises:
-        ConfigurationError: A ratio is 0, a parent is not valid, or two joints have one name.
+        ConfigurationError: A ratio is 0, a parent is not valid, the zero of a sliding link is in
+            degrees, or two joints have one name.
     """
     axes: dict[str, tuple[int | None, float | None]] = {FRAME: (None, None)}
     axes |= {link.name: axes_of(links, i) for i, link in enumerate(links)}
@@ -124,12 +157,7 @@ def robot_joints(
         valid = [name for name in axes if name != link.name]
         if i == driven or link.slides:
             valid = [FRAME if link.parent is None else links[link.parent].name]
-        if given.parent is not None and given.parent not in valid:
-            raise ConfigurationError(
-                f'{group}.parent = {shown(given.parent)}: must be {" or ".join(valid)}'
-            )
-        if given.ratio == 0:
-            raise ConfigurationError(f'{group}.ratio = 0: must be positive or negative')
+        _check(given, link, valid)
         if i == driven and given.name == '':
             raise ConfigurationError(
                 f"{group}.name = '': must be a name, because the others follow it"
@@ -139,7 +167,7 @@ def robot_joints(
             name=joint.name if given.name is None else given.name,
             parent=parent,
             guide=guide,
-            zero=given.zero or 0.0,
+            zero=float(given.zero or 0.0),
             ratio=1.0 if given.ratio is None else given.ratio,
             is_mapped=any(x is not None for x in (given.zero, given.ratio, given.parent)),
         )

@@ -15,7 +15,17 @@ from linkage_lab.sweep.measures import MEASURES, Task, Way
 from linkage_ros import ConfigurationError, Mechanism, load
 from linkage_ros.formulas import Array
 from linkage_ros.internals import new_name, read_yaml, reversals
-from linkage_ros.quantities import Checked, Leaf, Quantity, build, flatten, leaves, quantity, shown
+from linkage_ros.quantities import (
+    Checked,
+    Leaf,
+    Quantity,
+    build,
+    flatten,
+    leaves,
+    quantity,
+    refuse_angles,
+    shown,
+)
 
 _GROUPS = 'ranges', 'tolerances', 'constraints', 'goals'
 _NUMBER = Quantity('number', '')
@@ -175,6 +185,8 @@ def _way(settings: Settings, drive: Any, joint: Any) -> Way | None:
     """
     if settings.swing is not None:
         low, high = settings.swing
+        if joint.slides:
+            refuse_angles('swing', settings.swing, f'the {joint.driven_word}')
         if not low < high:
             raise ConfigurationError(
                 f'swing = {shown(settings.swing)}: give the smaller angle first'
@@ -233,13 +245,27 @@ def _columns(
         _, allowed, base = valid[name]
         limits: Any = groups[group][name]
         if group == 'tolerances':
-            width: Any = _NUMBER.clean(f'{group}.{name}', limits)
+            width: Any = replace(_NUMBER, unit=allowed.unit).clean(f'{group}.{name}', limits)
+            _require_turning(mechanism, name, width)
             limits = [base - width, base + width]
         low, high = _span(f'{group}.{name}', limits, allowed)
+        _require_turning(mechanism, name, (low, high))
         columns[name] = Leaf(name, replace(allowed, low=low, high=high), base)
     if not columns:
         raise ConfigurationError('nothing varies: give ranges or tolerances of parameters')
     return [*columns.values()]
+
+
+def _require_turning(mechanism: Mechanism, name: str, value: object) -> None:
+    """Rejects angles in degrees for a parameter of a load on a sliding link.
+
+    Raises:
+        ConfigurationError: The value has such an angle.
+    """
+    loaded = flatten(mechanism).get(f'{name.rpartition(".")[0]}.link')
+    for link in mechanism.structure().links:
+        if link.slides and link.name == loaded:
+            refuse_angles(name, value, f'the {loaded}')
 
 
 def _unknown(name: str, owner: str, valid: Iterable[str]) -> str:

@@ -17,7 +17,7 @@ from linkage_ros.mechanism.loads.gas import AMBIENT, FAR, NEAR
 from linkage_ros.mechanism.loads.table import TURN, TURN_ROUNDING, Table
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Real
-from linkage_ros.quantities import Quantity, quantity, shown
+from linkage_ros.quantities import Quantity, quantity, refuse_angles, shown
 
 _POSITIONS = (-1e9, 1e9)
 _FORCES = (-1e12, 1e12)
@@ -256,7 +256,10 @@ class LoadCurve(AppliedLoad):
             (_, start), _ = stroke.ends(self.top or FAR)
             at = tuple(start + x for x in at)
             self._require_rising(at)  # rounding may make points equal
-        if self.over == _POSITION and not mechanism.structure().links[link].slides:
+        slides = mechanism.structure().links[link].slides
+        if self.over == _POSITION and slides:
+            refuse_angles(f'{self.label}.at', at, f'the {self.link}')
+        if self.over == _POSITION and not slides:
             half_way = 0.5 * (at[0] + at[-1])
             middle = mechanism.swing_middle(f"{self.label}.over = 'position'", half_way)
             turns = 0 if middle is None else round((half_way - middle) / TURN)

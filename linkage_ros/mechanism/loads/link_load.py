@@ -13,7 +13,7 @@ from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.loads.base import AppliedLoad, LoadedMechanism, continuous
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Real
-from linkage_ros.quantities import quantity
+from linkage_ros.quantities import quantity, refuse_angles
 
 _NOT_NEGATIVE = (0.0, 1e12)
 
@@ -53,15 +53,18 @@ class LinkLoad(AppliedLoad):
         """See `AppliedLoad.on`.
 
         Raises:
-            ConfigurationError: The mechanism has no such link, or the link with the spring turns
-                fully.
+            ConfigurationError: The mechanism has no such link, the link with the spring turns
+                fully, or slides and `rest` is in degrees.
         """
         link = mechanism.loaded_link(self.link, f'{self.label}.link')
+        slides, rest = mechanism.structure().links[link].slides, float(self.rest)
+        if slides:
+            refuse_angles(f'{self.label}.rest', self.rest, f'the {self.link}')
         if not (self.force or self.damping or self.stiffness):
             return None
         values = self.force, self.damping, self.stiffness
-        if mechanism.structure().links[link].slides:
-            return LinkForce(link, *values, self.rest)
+        if slides:
+            return LinkForce(link, *values, rest)
         if link == 0:
             if self.stiffness:
                 raise ConfigurationError(
@@ -71,15 +74,15 @@ class LinkLoad(AppliedLoad):
             return LinkForce(link, *values, may_turn_fully=True)
         side = mechanism.swing_side()
         if not self.stiffness:
-            return LinkForce(link, *values, self.rest, side, side is None)
-        middle = mechanism.swing_middle(f'{self.label}.stiffness', self.rest)
+            return LinkForce(link, *values, rest, side, side is None)
+        middle = mechanism.swing_middle(f'{self.label}.stiffness', rest)
         if middle is None:
             raise ConfigurationError(
                 f'{self.label}.stiffness: the swing of the {self.link} is unknown; use a load of '
                 'kind spring between two points'
             )
-        turns = round((self.rest - middle) / (2 * math.pi))
-        return LinkForce(link, *values, self.rest - turns * 2 * math.pi, middle, side is None)
+        turns = round((rest - middle) / (2 * math.pi))
+        return LinkForce(link, *values, rest - turns * 2 * math.pi, middle, side is None)
 
 
 class LinkForce(NamedTuple):

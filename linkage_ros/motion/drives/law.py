@@ -23,7 +23,7 @@ from linkage_ros.motion.drives.feed_forward import TrajectoryFeedForward
 from linkage_ros.motion.inputs import Input
 from linkage_ros.motion.law import Law, Sine
 from linkage_ros.motion.spline import interpolated
-from linkage_ros.quantities import Checked, quantity, shown
+from linkage_ros.quantities import Checked, quantity, refuse_angles, shown
 from linkage_ros.units import NS_PER_S
 
 _ANGLES, _SPEEDS, _ACCELERATIONS = (-1e6, 1e6), (-1e9, 1e9), (-1e12, 1e12)
@@ -202,7 +202,8 @@ class Prescribed(Checked):
     def law(self) -> Law:
         """The law, in the form for a crank."""
         if self.amplitude is not None and self.frequency is not None:
-            return Sine(self.center, self.amplitude, self.frequency, self.phase)
+            center, amplitude = float(self.center), float(self.amplitude)
+            return Sine(center, amplitude, self.frequency, self.phase)
         times, places = self.times or (), self.places or ()
         rows = [row for row in (self.speeds, self.accelerations) if row is not None]
         slopes = [*zip(*rows, strict=True)] if rows else None
@@ -273,6 +274,9 @@ class LawDrive(TrajectoryFeedForward):
             raise ConfigurationError(
                 f'motion.{names[0]}: must be motion.{names[1]}, because the {joint.name} is driven'
             )
+        if joint.slides:
+            for name in ('center', 'amplitude'):
+                refuse_angles(f'motion.{name}', getattr(self.motion, name), f'the {joint.name}')
         try:
             require_possible(self.law(joint), solver)
         except ConfigurationError as error:
