@@ -28,6 +28,7 @@ from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure
 from linkage_ros.settings.notes import notes
 from linkage_ros.settings.old_names import new_name
+from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 from linkage_ros.settings.yaml_file import read_yaml
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.xml_file import read_xml
@@ -37,6 +38,7 @@ __all__ = [
     'DrivenMechanism',
     'FollowMotion',
     'LawMotion',
+    'MechanismAndDrive',
     'Model',
     'Motor',
     'Ranges',
@@ -51,6 +53,7 @@ __all__ = [
     'make_urdf',
     'new_name',
     'notes',
+    'parameter_leaves',
     'period_turns',
     'poses',
     'printable',

@@ -17,6 +17,7 @@ _NAME = 'linkage_chart'
 FORMATS = 'png', 'svg', 'pdf'
 # Diagrams of `linkage_chart motion`.
 QUANTITIES = 'position', 'velocity', 'acceleration', 'torque', 'load', 'point'
+KINDS = 'four_bar', 'slider_crank', 'inverted_slider_crank', 'wind_pump', 'drawing'
 DEFAULT = 'position', 'torque', 'load'
 _RPM = Quantity('number', 'crank speed', 'rpm', -1e6, 1e6)
 
@@ -55,6 +56,14 @@ def _parser() -> argparse.ArgumentParser:
     note = " (default: the file's); for a wind_pump, its initial speed"
     rpm: cli.Option = (('--rpm',), _RPM, {'metavar': 'N', 'note': note})
     cli.add_commands(parser, {
+        'new': cli.Command(
+            _run, 'a parameter file to start from, on standard output',
+            ('drawing > my_linkage.yaml', 'four_bar'),
+            (
+                (('kind',), None,
+                 {'choices': KINDS, 'metavar': 'KIND', 'help': f'one of {", ".join(KINDS)}'}),
+            ),
+        ),
         'motion': cli.Command(
             _run, 'position, torque and load over one period: picture and CSV',
             ('quadrilateral', 'my_linkage.yaml --rpm 30 --reactions --out charts',
