@@ -132,7 +132,9 @@ samples = [(k * 10**7, State((k / 7, 1.0, 2.0), (0.0,) * 3, (0.0,) * 3, 0.0))
 
 
 def run_program(code, *arguments):
-    return finished(PROLOGUE + code, *arguments)
+    done = finished(PROLOGUE + code, *arguments)
+    assert 'Traceback' not in done.stderr, done.stderr
+    return done
 
 
 def test_file_of_a_killed_run_is_readable(tmp_path):
