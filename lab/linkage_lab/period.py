@@ -28,6 +28,7 @@ from linkage_ros import (
     ConfigurationError,
     Mechanism,
     Solver,
+    Spring,
     State,
     Travel,
     WindPump,
@@ -134,6 +135,16 @@ class Period:
         for point in solver.structure.traced:
             for (name, per), vector in zip(_MOTION, solver.point(state, point), strict=True):
                 self.add(f'{point}.{name}', 'm' + per, vector)
+        for name in self.springs:
+            spring = solver.spring(state, name)
+            self.add(f'{name}.length', 'm', spring.length)
+            self.add(f'{name}.length_rate', 'm/s', spring.rate)
+            self.add(f'{name}.tension', 'N', spring.tension)
+
+    @property
+    def springs(self) -> list[str]:
+        """Names of the loads of kind spring."""
+        return [load.name for load in self.solver.mechanism.loads if isinstance(load, Spring)]
 
     @property
     def effort(self) -> str:
@@ -576,7 +587,12 @@ def _period(
     period = Period(
         solver, crank, state, needed, speed=speed, mean_power=mean(x, power), **options
     )
-    ratios = moving.state(period.crank, 1.0).velocity  # Mottola 2017, after eq. 33
+    unit_rate = moving.state(period.crank, 1.0)
+    for name in period.springs:
+        unit = 'm' if period.driven.slides else 'rad'
+        leverage = solver.spring(unit_rate, name).rate
+        period.add(f'{name}.leverage', f'm/{unit}', leverage)
+    ratios = unit_rate.velocity  # Mottola 2017, after eq. 33
     for link, ratio in zip(solver.structure.links, ratios, strict=True):
         if link != period.driven:
             units = link.units.position, period.driven.units.position

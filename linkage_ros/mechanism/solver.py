@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, NoReturn, cast
 import numpy as np
 
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
-from linkage_ros.formulas import ZERO, Opaque, Vector, number
+from linkage_ros.formulas import ZERO, Opaque, Vector, dot, number, sqrt, where
 from linkage_ros.mechanism import equations
 from linkage_ros.mechanism.base import Description, Mechanism
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
@@ -33,9 +33,11 @@ from linkage_ros.mechanism.joint_forces import (
 from linkage_ros.mechanism.kinematics import PointMotion, Reach, State
 from linkage_ros.mechanism.loads.base import Load
 from linkage_ros.mechanism.loads.force import PointForce
+from linkage_ros.mechanism.loads.spring import Spring, SpringMotion
 from linkage_ros.mechanism.nested import leaves, rebuilt
 from linkage_ros.mechanism.period import period_turns
 from linkage_ros.mechanism.program import Constants, Program
+from linkage_ros.mechanism.structure import Point
 from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.mechanism.wrenches import FRAME, Exerted, ExertedForce, Wrench, place, poses
 from linkage_ros.numeric import Real, real_numbers, require_finite, single_numbers
@@ -547,11 +549,37 @@ class Solver:
         points = self.structure.points
         if not isinstance(name, str) or name not in points:
             raise ConfigurationError(f'point {shown(name)}: must be one of {", ".join(points)}')
+        return self._point_motion(points[name], state)
+
+    def spring(self, state: State, name: str) -> SpringMotion:
+        """Computes length, rate and tension of a load of kind spring.
+
+        Args:
+            state: A state of floats or arrays, from `state`.
+            name: Name of the load.
+
+        Raises:
+            ConfigurationError: The mechanism has no such spring.
+        """
+        springs = {load.name: load for load in self.mechanism.loads if isinstance(load, Spring)}
+        if name not in springs:
+            known = ', '.join(springs) or 'none'
+            raise ConfigurationError(f'spring {shown(name)}: must be one of {known}')
+        load = springs[name]
+        (_, start), (_, end) = load.ends(self.structure)
+        apart, rate, _ = self._point_motion(end.minus(start), state)
+        length = sqrt(dot(apart, apart))
+        speed = dot(apart, rate) / where(length > 0, length, 1.0)
+        tension = load.stiffness * (length - load.free_length) + load.damping * speed
+        return SpringMotion(length, speed, tension)
+
+    def _point_motion(self, point: Point, state: State) -> PointMotion:
         words = ('position', 'velocity', 'acceleration')
         names = tuple(tuple(f'{link}_{word}' for link in self.links) for word in words)
         row = [value for values in self._rows(state) for value in values]
-        constants = points[name], _refusal(*sum(names, ()))
-        program = self._bound(equations.point_motion, Constants(constants), names)
+        program = self._bound(
+            equations.point_motion, Constants((point, _refusal(*sum(names, ())))), names
+        )
         return cast('PointMotion', program(*row))
 
     def reactions(self, state: State) -> Reactions:

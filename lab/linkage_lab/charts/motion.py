@@ -226,7 +226,10 @@ def _draw_motion(
     first, *others = periods.values()
     panels = [*(_compared(periods, show) if others else _panels(first, show))]
     curves = [curve for panel in panels for curve in panel.curves]
-    extra = [] if others else [_curve(first, 'driving_power', 'power')]
+    extra = [] if others else [
+        *(_curve(first, f'{name}.length_rate', f'{name} rate') for name in first.springs),
+        _curve(first, 'driving_power', 'power'),
+    ]  # fmt: skip
     # The linkage is beside the text, or above it if it is wide or if there are several.
     above = bool(others) or proportion(first) > WIDE
     notes = '\n'.join(_wrapped(line, 44 if above else 60) for line in lines)
@@ -310,13 +313,7 @@ def _panels(period: Period, show: Collection[str]) -> Iterator[_Panel]:
             word = period.effort.removeprefix('driving_')
             yield _Panel(period.effort_title, [_curve(period, period.effort, word)])
         elif quantity == 'load':
-            loads = [name for name in columns if name.endswith('.load')]
-            yield from _by_unit([_curve(period, x, x.replace('.', ' ')) for x in loads], 'Load')
-            points = [name for name in columns if name.endswith('.force.x')]
-            for name in (x.removesuffix('.force.x') for x in points):
-                x, y = (_curve(period, f'{name}.force.{x}', f'{name}.{x}') for x in 'xy')
-                forces = [x._replace(color=SECOND), y._replace(color=DARK)]
-                yield _Panel(f'Force {name}, N', forces)
+            yield from _load_panels(period)
         elif quantity == 'point':
             for name, link in period.solver.structure.traced.items():
                 x, y = (_curve(period, f'{name}.position.{x}', f'{name}.{x}') for x in 'xy')
@@ -339,6 +336,23 @@ def _panels(period: Period, show: Collection[str]) -> Iterator[_Panel]:
             'Shaking force, N', [_curve(period, f'shaking_force.{x}', f'force.{x}') for x in 'xy']
         )
         yield _Panel('Shaking moment, N m', [_curve(period, 'shaking_moment', 'moment')])
+
+
+def _load_panels(period: Period) -> Iterator[_Panel]:
+    """Yields the diagrams of loads: efforts on links, springs, and forces at points."""
+    columns = period.columns
+    efforts = [name for name in columns if name.endswith('.load')]
+    yield from _by_unit([_curve(period, x, x.replace('.', ' ')) for x in efforts], 'Load')
+    springs = period.springs if period.solver.mobility else []
+    for name in springs:
+        for word in ('length', 'leverage', 'tension'):
+            curve = _curve(period, f'{name}.{word}', f'{name} {word}')
+            yield from _by_unit([curve._replace(color=SECOND)])
+    points = (x.removesuffix('.force.x') for x in columns if x.endswith('.force.x'))
+    for name in (x for x in points if x not in springs):
+        x, y = (_curve(period, f'{name}.force.{x}', f'{name}.{x}') for x in 'xy')
+        forces = [x._replace(color=SECOND), y._replace(color=DARK)]
+        yield _Panel(f'Force {name}, N', forces)
 
 
 def _compared(periods: Mapping[str, Period], show: Collection[str]) -> Iterator[_Panel]:

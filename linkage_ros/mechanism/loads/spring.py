@@ -98,6 +98,20 @@ class Spring(AppliedLoad):
         )
 
 
+class SpringMotion(NamedTuple):
+    """The motion of a spring, as floats or arrays.
+
+    Attributes:
+        length: Distance of its ends, m.
+        rate: Rate of this distance, m/s.
+        tension: Force with which it pulls its ends together, N.
+    """
+
+    length: Real
+    rate: Real
+    tension: Real
+
+
 def _refuse(label: str, crank: float) -> NoReturn:
     raise UnreachableError(
         f'at {rad_and_deg(crank)} the ends of the spring {label} '
