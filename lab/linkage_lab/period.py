@@ -295,7 +295,7 @@ def period_to_show(
     Raises:
         ConfigurationError: The mechanism or the options cannot be used.
     """
-    name, kind = Path(source).stem, design.kind.mechanism
+    name, kind = Path(source).stem, design.mechanism_words
     # If the crank angle does not determine the motion, the motor does.
     solver = Solver(design.mechanism)
     reach, law = solver.mobility, design.drive.law(solver.structure.driven_link)

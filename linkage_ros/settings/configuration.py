@@ -60,6 +60,15 @@ class Configuration:
     given: Any = None
 
     @property
+    def mechanism_words(self) -> str:
+        """The kind of mechanism; of a drawing, what it shows, such as 'four_bar and 2 dyads'."""
+        if self.given is None:
+            return self.kind.mechanism
+        kind = next(name for name, x in MECHANISMS.items() if type(self.mechanism) is x)
+        count = len(self.mechanism.dyads)
+        return f'{kind} and {count} dyad{"s" * (count > 1)}' if count else kind
+
+    @property
     def robot_joints(self) -> tuple[RobotJoint, ...]:
         """The joint of each link in messages."""
         structure, prefix = self.mechanism.structure(), self.session.joint_prefix

@@ -17,7 +17,7 @@ def summary(configuration: Configuration, solver: Solver) -> str:
     Returns:
         The line, without a newline.
     """
-    words = [configuration.kind.mechanism, configuration.mechanism.assembly]
+    words = [configuration.mechanism_words, configuration.mechanism.assembly]
     if reach := solver.mobility:
         words.append(f'driven {reach.driven}' if reach.slides else reach.grashof)
         if reach.turns_fully:
