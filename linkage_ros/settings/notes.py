@@ -70,10 +70,33 @@ def _angles(configuration: Configuration) -> Iterator[str]:
             )
 
 
+def _link_lengths(configuration: Configuration) -> dict[str, float]:
+    """Returns lengths by their parameters, m; in a drawing, those of its links."""
+    if configuration.given is None:
+        values = configuration.parameters().items()
+        return {n: x for n, x in values if n.endswith('.length') and isinstance(x, float)}
+    parts = configuration.mechanism.parts()
+    links = (f'drawing.links.{link.name}' for link in configuration.given.drawing.links)
+    return {
+        f'{name}.length': part.length
+        for name in links
+        if hasattr(part := parts[name.rpartition('.')[2]], 'length')
+    }
+
+
 def _lengths(configuration: Configuration) -> Iterator[str]:
-    for name, value in configuration.parameters().items():
-        if not name.endswith('.length') or not isinstance(value, float):
-            continue
+    lengths = _link_lengths(configuration)
+    if configuration.given is not None and lengths:
+        name, value = max(lengths.items(), key=lambda pair: pair[1])
+        unit = configuration.given.drawing.units
+        if not _SHORT <= value <= _LONG:
+            link = name.split('.')[2]
+            yield (
+                f'drawing.units = {unit}, so that the longest link, {link}, has {value:g} m; did '
+                f'you mean units: {"mm" if value > _LONG else "m"}?'
+            )
+        return
+    for name, value in lengths.items():
         if value > _LONG:
             yield f'{name} = {value:g} m; did you mean {value:g} mm = {value * 1e-3:g} m?'
         elif value < _SHORT:
@@ -82,13 +105,15 @@ def _lengths(configuration: Configuration) -> Iterator[str]:
 
 def _longest(configuration: Configuration) -> float:
     """Returns the length of the longest link, m; 0 if no link has a length."""
-    values = configuration.parameters().items()
-    return max((x for n, x in values if n.endswith('.length') and isinstance(x, float)), default=0)
+    return max(_link_lengths(configuration).values(), default=0)
 
 
 def _places(configuration: Configuration) -> Iterator[str]:
     """Notes points in mm: centres of mass, and points of loads and dyads."""
     values, longest = configuration.parameters(), _longest(configuration)
+    if configuration.given is not None:
+        yield from _drawn_places(configuration, longest)
+        return
     for name, quantity, _ in leaves(MECHANISMS[configuration.kind.mechanism], values=values):
         place = values.get(name)
         if quantity.kind != 'pair' or quantity.unit != 'm' or not isinstance(place, tuple):
@@ -101,18 +126,35 @@ def _places(configuration: Configuration) -> Iterator[str]:
             )
 
 
+def _drawn_places(configuration: Configuration, longest: float) -> Iterator[str]:
+    """Notes centres of mass and loads that are far from their links in a drawing."""
+    mechanism, unit = configuration.mechanism, configuration.given.drawing.units
+    places = [(f'the center of {x}', part.center) for x, part in mechanism.parts().items()
+              if hasattr(part, 'center')]  # fmt: skip
+    places += [(f'loads.{load.name}.at', at) for load in mechanism.loads
+               if (at := getattr(load, 'at', None))]  # fmt: skip
+    for name, place in places:
+        if 0 < _FAR * longest < math.hypot(*place):
+            yield (
+                f'{name} is {math.hypot(*place):.3g} m from its link as drawn, where the longest '
+                f'link has {longest:.3g} m; is it a place in the drawing, in {unit}?'
+            )
+
+
 def _masses(configuration: Configuration) -> Iterator[str]:
     """Notes masses in g, which are far above those of steel links of the same size."""
     values, longest = configuration.parameters(), _longest(configuration)
+    lengths, drawn = _link_lengths(configuration), configuration.mechanism.drawn
+    cranks = {'crank', f'drawing.links.{drawn.links[0]}' if drawn else ''}
     for name, mass in values.items():
         part, _, field = name.rpartition('.')
         if field != 'mass' or not isinstance(mass, float) or not mass:
             continue
         # A crank may be a disc, larger than the distance of its pins.
-        own = None if part == 'crank' else values.get(f'{part}.length')
+        own = None if part in cranks else lengths.get(f'{part}.length')
         inertia = values.get(f'{part}.inertia')
         gyration = math.sqrt(inertia / mass) if isinstance(inertia, float) else 0.0
-        size = max(own if isinstance(own, float) else longest, gyration)
+        size = max(longest if own is None else own, gyration)
         if 0 < _DENSEST * size**3 < mass:
             yield (
                 f'{name} = {mass:g} kg, more than a cube of steel with an edge of '
