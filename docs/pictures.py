@@ -35,8 +35,8 @@ from linkage_lab.charts import accuracy, stability  # noqa: E402
 from linkage_lab.output import Pictures  # noqa: E402
 
 PAGES = (
-    'README.md', 'docs/pandas.md', 'docs/robot.md', 'lab/docs/designs.md', 'lab/docs/homework.md',
-    'lab/docs/lecture.md', 'lab/docs/sizing.md',
+    'README.md', 'docs/drawings.md', 'docs/pandas.md', 'docs/robot.md', 'lab/docs/designs.md',
+    'lab/docs/homework.md', 'lab/docs/lecture.md', 'lab/docs/sizing.md',
 )  # fmt: skip
 GALLERY = 'README.md'  # its commands are in a table
 PROGRAMS = 'linkage_chart', 'linkage_import', 'linkage_record'
