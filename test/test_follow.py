@@ -28,6 +28,7 @@ from sensor_msgs.msg import JointState
 from state_messages import messages_of
 
 from linkage_ros import Solver
+from linkage_ros.messages.cdr import NAMED_TWICE, NOT_ONE_EACH
 from linkage_ros.motion.drives.follow import NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH
 from linkage_ros.motion.measured import NOT_FINITE, NOT_NEWER, FollowMotion, extrapolated
 from linkage_ros.run.states import Simulator
@@ -184,7 +185,11 @@ def test_messages_are_accepted_or_counted_by_cause_of_rejection(name):
         (b'\0\1\0\0abc', NO_JOINT_STATE),
         (message(0, names, (0.0, inside))[:40], NO_JOINT_STATE),
         (message(0, ('arm', 'wheel'), (0.0, inside)), NO_CRANK),
-        (message(0, names, (1.0,)), NO_CRANK),
+        (message(0, names, ()), NO_CRANK),
+        (message(0, names, (1.0,)), NOT_ONE_EACH),
+        (message(0, names, (0.0, inside, 1.0)), NOT_ONE_EACH),
+        (message(0, names, (0.0, inside), (1.0,)), NOT_ONE_EACH),
+        (message(0, (name, name), (inside, inside)), NAMED_TWICE),
         (message(0, (), (0.0, inside)), NO_CRANK),
         (message(0, names, (0.0, beyond)), OUT_OF_REACH),
     ):
@@ -193,7 +198,11 @@ def test_messages_are_accepted_or_counted_by_cause_of_rejection(name):
     numbers = np.array(re.findall(r'\d+\.?\d*', str(caught.value)), float)
     for angle in np.degrees((beyond, start, end)):  # the error names angle and reach
         assert np.abs(numbers - angle).min() < 1e-3
-    assert crank.rejected == {NO_JOINT_STATE: 3, NO_CRANK: 3, OUT_OF_REACH: 1}
+    assert crank.rejected == {
+        NO_JOINT_STATE: 3, NO_CRANK: 3, NOT_ONE_EACH: 3, NAMED_TWICE: 1, OUT_OF_REACH: 1
+    }  # fmt: skip
+    others = ('arm', 'arm', name), (0.0, 1.0, inside)  # other joints may be named twice
+    assert crank.read(message(0, *others), came + 1)[1].unwrapped == inside
 
 
 def test_value_out_of_reach_is_named_in_values_of_the_robots_joint():

@@ -18,6 +18,9 @@ STAMP = struct.Struct('<iI')  # s and ns
 _COUNT = struct.Struct('<I')
 LARGEST_COMMAND = 65536  # bytes
 _ABSENT = b''  # value of a field of size 0
+NAMED_TWICE, NOT_ONE_EACH = (
+    'the joint is named more than once', 'not one position and velocity for each name'
+)  # fmt: skip
 OK, WARN, ERROR = 0, 1, 2  # levels of a DiagnosticStatus
 
 
@@ -148,6 +151,10 @@ def decode_joint_state(data: bytes) -> JointStateData:
     return JointStateData(stamp_of(data), names, *rows)
 
 
+class DoubtfulJointError(ValueError):
+    """A JointState from which it is unclear which values a joint has."""
+
+
 class JointReader:
     """Reads one joint from untrusted JointState messages.
 
@@ -173,6 +180,8 @@ class JointReader:
 
         Raises:
             ValueError: The bytes are not a JointState, or the message is too large.
+            DoubtfulJointError: The joint is named more than once, or the positions or velocities
+                are neither empty nor one for each name.
         """
         if len(data) != self._size or self._frame.unpack_from(data) != self._constant:
             self._parse(data)
@@ -187,9 +196,15 @@ class JointReader:
         """Finds the joint in a message.
 
         Raises:
-            ValueError: The bytes are not a JointState, or the message is too large.
+            ValueError: As for `read`.
+            DoubtfulJointError: As for `read`.
         """
-        names, start = decode_joint_state(data).names, len(ENCAPSULATION)
+        _, names, *given, _ = decode_joint_state(data)
+        if names.count(self._joint) > 1:
+            raise DoubtfulJointError(NAMED_TWICE)
+        if self._joint in names and not {*map(len, given)} <= {0, len(names)}:
+            raise DoubtfulJointError(NOT_ONE_EACH)
+        start = len(ENCAPSULATION)
         head, at = start + STAMP.size, start + _names(data[start:])[1]
         i, lengths, own = names.index(self._joint) if self._joint in names else len(data), [], []
         for _ in range(3):

@@ -13,7 +13,7 @@ from linkage_ros.errors import ConfigurationError, LinkageError, UnreachableErro
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.structure import Link
-from linkage_ros.messages.cdr import JointReader
+from linkage_ros.messages.cdr import DoubtfulJointError, JointReader
 from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.messages.topics import MEASURED_JOINT_STATES, Topic
 from linkage_ros.motion.drives.base import Machine
@@ -244,7 +244,8 @@ class MeasuredCrank(Input):
         try:
             stamp, value, velocity = reader.read(data)
         except ValueError as error:
-            raise ValueError(NO_JOINT_STATE) from error
+            is_doubtful = isinstance(error, DoubtfulJointError)
+            raise ValueError(str(error) if is_doubtful else NO_JOINT_STATE) from error
         if value is None:
             raise ValueError(absent)
         if not joint.is_mapped:
