@@ -19,6 +19,13 @@ FORMATS = 'png', 'svg', 'pdf'
 QUANTITIES = 'position', 'velocity', 'acceleration', 'torque', 'load', 'point'
 KINDS = 'four_bar', 'slider_crank', 'inverted_slider_crank', 'wind_pump', 'drawing'
 DEFAULT = 'position', 'torque', 'load'
+_PLACE = Quantity(
+    'number',
+    'crank angle, also written 85deg, or position of a driven slide',
+    'rad or m',
+    -1e6,
+    1e6,
+)
 _RPM = Quantity('number', 'crank speed', 'rpm', -1e6, 1e6)
 
 
@@ -62,6 +69,26 @@ def _parser() -> argparse.ArgumentParser:
             (
                 (('kind',), None,
                  {'choices': KINDS, 'metavar': 'KIND', 'help': f'one of {", ".join(KINDS)}'}),
+            ),
+        ),
+        'state': cli.Command(
+            _run, 'motion, torque and joint forces at one position, for every assembly: table',
+            ('quadrilateral --at 85deg', 'excavator --at 1.2 --speed 0.1',
+             'my_linkage.yaml --at 85deg --rpm 30 --csv state.csv'),
+            (
+                (('params',), None, params),
+                (('--at',), _PLACE,
+                 {'metavar': 'PLACE', 'note': ' (default: the start, or as drawn)'}),
+                rpm,
+                (('--speed',),
+                 Quantity('number', 'speed of a driven slide or cylinder', 'm/s', -1e6, 1e6),
+                 {'metavar': 'V', 'note': ' (default 0)'}),
+                (('--acceleration',),
+                 Quantity('number', 'acceleration of the driven joint', 'rad/s^2 or m/s^2',
+                          -1e9, 1e9),
+                 {'default': 0.0, 'metavar': 'A', 'note': ' (default 0)'}),
+                (('--csv',), None,
+                 {'type': Path, 'metavar': 'OUT', 'help': 'also write a CSV file, replaced'}),
             ),
         ),
         'motion': cli.Command(

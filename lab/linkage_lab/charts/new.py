@@ -72,7 +72,7 @@ def parameter_file(kind: str) -> str:
     choice = MechanismAndDrive(kind, str(values.get('drive', 'speed')))
     known = [x for x in parameter_leaves(choice, values) if not x.name.startswith('joints.')]
     lines = [
-        f'# Parameters of a mechanism of kind {kind}; angles in rad, lengths in m.',
+        f'# Parameters of a mechanism of kind {kind}; angles in rad, or written 85deg.',
         '# Remove the # before a parameter to change it.',
         '/**:',
         '  ros__parameters:',

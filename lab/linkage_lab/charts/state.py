@@ -1,0 +1,301 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart state: motion and forces at one position, for every assembly."""
+
+import argparse
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any, NamedTuple, cast
+
+from linkage_lab.output import doubts, folder, print_notes, save_csv
+from linkage_lab.sampling import without_loads
+from linkage_ros import ConfigurationError, LinkageError, Mechanism, Solver, load
+from linkage_ros.quantities import Angle
+
+_MOST, _TRIED = 16, 1024  # assemblies shown, and tried
+_MOTION = ('position', ''), ('velocity', '/s'), ('acceleration', '/s^2')
+_ASSEMBLIES = 'open', 'crossed'
+
+
+class Value(NamedTuple):
+    """A quantity at one position.
+
+    Attributes:
+        unit: Its SI unit.
+        value: The value.
+    """
+
+    unit: str
+    value: float
+
+
+class Snapshot(NamedTuple):
+    """Motion and forces of one assembly at one position.
+
+    Attributes:
+        assembly: Names of the assemblies of the loop and of each dyad.
+        values: Quantities by name, such as 'coupler.position'.
+        missing: Why there are no forces, by 'driving' and 'joint'; empty if there are.
+    """
+
+    assembly: str
+    values: dict[str, Value]
+    missing: dict[str, str]
+
+
+def state(options: argparse.Namespace) -> None:
+    """Prints and, with --csv, writes motion and forces at one position.
+
+    Args:
+        options: Parsed command-line options.
+
+    Raises:
+        ConfigurationError: The mechanism or an option is invalid.
+        UnreachableError: No assembly exists at this position.
+    """
+    design = load(options.params)
+    place, speed, words = position_and_speed(design, options)
+    found, notes = snapshots(design, place, speed, options.acceleration)
+    print_notes([*doubts(design), *notes])
+    for one in found:
+        print(*_table(one, words), '', sep='\n')
+    if options.csv:
+        with folder(options.csv.parent):
+            save_csv(options.csv, *_rows(found))
+        print(options.csv)
+
+
+def position_and_speed(design: Any, options: argparse.Namespace) -> tuple[float, float, str]:
+    """Returns position and speed of the driven joint, rad or m, and describes them.
+
+    Args:
+        design: The configuration.
+        options: Parsed command-line options: `at`, `rpm` and `speed`, each None if not given, and
+            `acceleration`.
+
+    Raises:
+        ConfigurationError: An option does not apply to the driven joint.
+    """
+    driven = design.mechanism.structure().driven_link
+    place = design.drive.drawn_angle(design.mechanism) if options.at is None else options.at
+    if driven.slides:
+        if isinstance(place, Angle):
+            raise ConfigurationError(
+                f'--at: {driven.name} is driven and slides; give its position in m'
+            )
+        if options.rpm is not None:
+            raise ConfigurationError(f'--rpm: {driven.name} slides; give --speed in m/s')
+        speed = options.speed or 0.0
+        moves = f'{place:.6g} m, {speed:g} m/s, {options.acceleration:g} m/s^2'
+        return place, speed, f'{driven.name} at {moves}'
+    if options.speed is not None:
+        raise ConfigurationError(f'--speed: {driven.name} turns; give --rpm')
+    own = getattr(design.drive, 'rpm', getattr(design.drive, 'start_rpm', 0.0))
+    rpm = own if options.rpm is None else options.rpm
+    moves = f'{math.degrees(place):.6g} deg, {rpm:g} rpm, {options.acceleration:g} rad/s^2'
+    return place, rpm * math.pi / 30, f'{driven.name} at {moves}'
+
+
+def snapshots(
+    design: Any, place: float, speed: float, acceleration: float = 0.0
+) -> tuple[list[Snapshot], list[str]]:
+    """Computes motion and forces of each assembly that exists at a position.
+
+    Args:
+        design: The configuration.
+        place: Position of the driven joint, rad or m.
+        speed: Its rate, rad/s or m/s.
+        acceleration: Its acceleration, rad/s^2 or m/s^2; that of a wind pump is computed.
+
+    Returns:
+        At most 16 snapshots, the first that of the configuration if it exists; and notes.
+
+    Raises:
+        UnreachableError: No assembly exists at this position.
+    """
+    found, refusals, notes = list[Snapshot](), list[LinkageError](), list[str]()
+    for words, mechanism in assemblies(design.mechanism):
+        try:
+            one = _snapshot(words, mechanism, design.drive, (place, speed, acceleration))
+        except LinkageError as error:
+            if not found and not refusals:
+                notes.append(f'note: {words}: {error}')
+            refusals.append(error)
+            continue
+        if len(found) == _MOST:
+            notes.append(f'note: there are more than these {_MOST} assemblies')
+            break
+        found.append(one)
+    if not found:
+        raise refusals[0]
+    return found, notes
+
+
+def assemblies(mechanism: Mechanism) -> Iterator[tuple[str, Mechanism]]:
+    """Yields a mechanism in each combination of assemblies of its loop and dyads, its own first.
+
+    Yields:
+        The assemblies in words, and the mechanism.
+    """
+    given = {'input': getattr(mechanism, 'input', '')}
+    loop = [mechanism.assembly]
+    if 'assembly' not in mechanism.unused(given):
+        loop = _own_first(mechanism.assembly)
+    dyads = [_own_first(dyad.assembly) for dyad in mechanism.dyads]
+    for first, *others in itertools.islice(itertools.product(loop, *dyads), _TRIED):
+        changed = [
+            replace(dyad, assembly=assembly)
+            for dyad, assembly in zip(mechanism.dyads, others, strict=True)
+        ]
+        changes = {'assembly': first} if len(loop) > 1 else {}
+        words = [first] if len(loop) > 1 else []
+        words += [f'{dyad.name} {dyad.assembly}' for dyad in changed]
+        yield (
+            ', '.join(words) or 'one assembly',
+            replace(cast('Any', mechanism), dyads=tuple(changed), **changes),
+        )
+
+
+def _own_first(own: str) -> list[str]:
+    return sorted(_ASSEMBLIES, key=lambda assembly: assembly != own)
+
+
+def _snapshot(
+    words: str, mechanism: Mechanism, drive: Any, given: tuple[float, float, float]
+) -> Snapshot:
+    """Computes one assembly.
+
+    Args:
+        words: Its name.
+        mechanism: The mechanism in this assembly.
+        drive: The drive, whose motor accelerates a wind pump.
+        given: Position, rate and acceleration of the driven joint.
+
+    Raises:
+        LinkageError: The assembly does not exist at this position.
+    """
+    solver = Solver(mechanism)
+    place, speed, acceleration = given
+    positions, rates = mechanism.start()
+    q, u, a = (place, *positions), (speed, *rates), (acceleration,)
+    without_friction = without_loads(solver) if solver.model.joint_loads else solver
+    if positions:
+        torque = drive.motor.torque - drive.motor.damping * speed
+        a = without_friction.accelerations(q, u, torque)
+    motion = q, u, a
+    moving = without_friction.state(*motion)
+    values = dict[str, Value]()
+    for link in solver.structure.links:
+        unit = 'm' if link.slides else 'rad'
+        for (name, per), value in zip(
+            _MOTION, cast('tuple[float, ...]', moving[link.name]), strict=True
+        ):
+            values[f'{link.name}.{name}'] = Value(unit + per, value)
+    for point in solver.structure.points:
+        for (name, per), vector in zip(_MOTION, solver.point(moving, point), strict=True):
+            for axis, value in zip('xy', vector, strict=True):
+                values[f'{point}.{name}.{axis}'] = Value('m' + per, value)
+    driving, no_torque = _if_finite(_driving, solver, motion)
+    joints, no_forces = _if_finite(_joints, solver, motion)
+    missing = {'driving': no_torque, 'joint': no_forces}
+    return Snapshot(
+        words, values | driving | joints, {name: why for name, why in missing.items() if why}
+    )
+
+
+def _if_finite(
+    compute: Callable[..., dict[str, Value]], solver: Solver, motion: tuple[Any, ...]
+) -> tuple[dict[str, Value], str]:
+    """Computes forces; returns them, or the reason why there are none."""
+    try:
+        return compute(solver, motion), ''
+    except LinkageError as error:
+        return {}, str(error)
+
+
+def _driving(solver: Solver, motion: tuple[Any, ...]) -> dict[str, Value]:
+    """Computes the driving torque or force, and the loads on the links."""
+    now, driven = solver.state(*motion), solver.structure.driven_link
+    word = 'force' if driven.slides else 'torque'
+    found = {f'driving_{word}': Value(driven.units.effort, now.torque)}
+    exerted = solver.exerted(now)
+    links = {link.name: link for link in solver.structure.links}
+    for name, effort in exerted.efforts.items():
+        found[f'{name}.load'] = Value(links[name].units.effort, effort)
+    for name, force in exerted.forces.items():
+        for axis, value in zip('xy', force.force, strict=True):
+            found[f'{name}.force.{axis}'] = Value('N', value)
+    return found
+
+
+def _joints(solver: Solver, motion: tuple[Any, ...]) -> dict[str, Value]:
+    """Computes pin forces, guide forces, shaking force and shaking moment."""
+    forces = solver.reactions(solver.state(*motion))
+    found = dict[str, Value]()
+    for name, vector in (*((f'pin_{x}', y) for x, y in forces.pins.items()),
+                         ('shaking_force', forces.shaking_force)):  # fmt: skip
+        for axis, value in zip('xy', vector, strict=True):
+            found[f'{name}.{axis}'] = Value('N', value)
+    for name, guide in forces.guides.items():
+        found[f'{name}.guide_force'] = Value('N', guide.force)
+        found[f'{name}.guide_moment'] = Value('N m', guide.moment)
+    return found | {'shaking_moment': Value('N m', forces.shaking_moment)}
+
+
+def _table(one: Snapshot, words: str) -> Iterator[str]:
+    """Yields the lines of a table."""
+    values = dict(one.values)
+    yield f'{one.assembly}: {words}'
+    names = [name.removesuffix('.velocity') for name in values if name.endswith('.velocity')]
+    width = 2 + max(12, *(len(name.partition('.')[0]) for name in values))
+    yield f'  {"link":<{width}}{"position":>16}{"velocity":>18}{"acceleration":>20}'
+    for link in names:
+        cells = [values.pop(f'{link}.{word}') for word, _ in _MOTION]
+        yield _row(link, cells, width, (16, 18, 20))
+    heads = 'x', 'y', 'velocity x', 'y', 'acceleration x', 'y'
+    widths = 12, 12, 14, 12, 18, 12
+    head = ''.join(f'{word:>{size}}' for word, size in zip(heads, widths, strict=True))
+    yield f'  {"point":<{width}}{head}   in m and s'
+    points = [name.removesuffix('.velocity.x') for name in values if '.velocity.x' in name]
+    for point in points:
+        cells = [values.pop(f'{point}.{word}.{axis}') for word, _ in _MOTION for axis in 'xy']
+        yield _row(point, cells, width, widths, with_units=False)
+    for what, start in (('driving', 'driving torque or force'), ('joint', 'joint forces')):
+        if what in one.missing:
+            yield f'  {start}: none: {one.missing[what]}'
+    for name, value in values.items():
+        if name.endswith('.y'):
+            continue
+        cells, axes = [value], ''
+        if name.endswith('.x'):
+            cells, axes = [value, values[f'{name[:-2]}.y']], ' (x, y)'
+        yield _row(name.removesuffix('.x') + axes, cells, 32, (14, 14))
+
+
+def _row(
+    name: str, cells: list[Value], width: int, widths: tuple[int, ...], *, with_units: bool = True
+) -> str:
+    shown = [_shown(cell, with_units=with_units) for cell in cells]
+    return f'  {name:<{width}}' + ''.join(f'{x:>{w}}' for x, w in zip(shown, widths, strict=False))
+
+
+def _shown(cell: Value, *, with_units: bool) -> str:
+    """Writes a value with six digits; an angle in degrees."""
+    unit, value = cell
+    if unit == 'rad':
+        unit, value = 'deg', math.degrees(value)
+    text = f'{round(value, 12) + 0.0:.6g}'
+    return f'{text} {unit}' if with_units else text
+
+
+def _rows(found: list[Snapshot]) -> tuple[list[str], list[list[object]]]:
+    """Returns the head and the rows of a CSV file, one for each assembly."""
+    names = {name: value.unit for one in found for name, value in one.values.items()}
+    head = ['assembly', *(f'{name} [{unit}]' for name, unit in names.items())]
+    rows: list[list[object]] = [
+        [one.assembly, *(one.values[x].value if x in one.values else None for x in names)]
+        for one in found
+    ]
+    return head, rows

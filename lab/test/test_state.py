@@ -1,0 +1,103 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart state: motion and forces at one position, for every assembly."""
+
+import csv
+import math
+
+import pytest
+
+from linkage_lab import command_line
+from linkage_lab.charts.state import snapshots
+from linkage_ros import Solver, UnreachableError
+from linkage_ros.settings.configuration import configure, load
+
+NORTON = {
+    'mechanism': 'four_bar', 'rpm': 60.0, 'crank.length': 2.0, 'coupler.length': 7.0,
+    'rocker.length': 9.0, 'frame.length': 6.0,
+}  # fmt: skip
+CHANGE_POINT = NORTON | {
+    'frame.length': 2.0, 'crank.length': 1.0, 'coupler.length': 3.0, 'rocker.length': 2.0,
+    'coupler.mass': 1.0, 'loads.dry.kind': 'friction', 'loads.dry.pin': 0.1,
+    'loads.dry.pin_radius': 0.01,
+}  # fmt: skip
+LIMITED = CHANGE_POINT | {'crank.length': 4.0, 'drive': 'follow'}
+del LIMITED['rpm']
+
+
+def at(values, degrees, **rest):
+    return snapshots(configure(values), math.radians(degrees), 2 * math.pi, **rest)
+
+
+def test_both_assemblies_of_a_textbook_four_bar():
+    # Norton, Design of Machinery, problem 4-7: 2, 7, 9, 6, crank at 30 deg.
+    found, notes = at(NORTON, 30.0)
+    links = 'coupler', 'rocker'
+    angles = {
+        one.assembly: [math.degrees(one.values[f'{x}.position'].value) for x in links]
+        for one in found
+    }
+    assert angles['open'] == pytest.approx([88.84, 117.29], abs=0.01)
+    assert angles['crossed'] == pytest.approx([-115.21, -143.66], abs=0.01)
+    assert not notes
+
+
+@pytest.mark.parametrize('preset', ['watt', 'shaper', 'excavator', 'compressor', 'slider_crank'])
+def test_values_are_those_of_the_solver(preset):
+    design = load(preset)
+    place = design.drive.drawn_angle(design.mechanism)
+    found, _ = snapshots(design, place, 1.5, 0.5)
+    solver = Solver(design.mechanism)
+    state = solver.state(place, 1.5, 0.5)
+    forces = solver.reactions(state)
+    values = {name: value.value for name, value in found[0].values.items()}
+    for link in solver.links:
+        assert values[f'{link}.acceleration'] == state[link].acceleration
+    effort = 'force' if solver.structure.driven_link.slides else 'torque'
+    assert values[f'driving_{effort}'] == state.torque
+    for pin, force in forces.pins.items():
+        assert (values[f'pin_{pin}.x'], values[f'pin_{pin}.y']) == tuple(force)
+    # Each combination of assemblies is another position.
+    loops = {tuple(one.values[f'{x}.position'].value for x in solver.links) for one in found}
+    assert len(loops) == len(found) == {'watt': 4, 'shaper': 2, 'compressor': 2}.get(preset, 2)
+
+
+def test_infinite_forces_at_a_change_point_leave_the_motion():
+    found, notes = at(CHANGE_POINT, 0.0)
+    assert [one.assembly for one in found] == ['open', 'crossed']
+    assert not notes
+    for one in found:
+        assert one.values['rocker.velocity'].value
+        assert {*one.missing} == {'driving', 'joint'}
+        assert 'driving_torque' not in one.values
+    (near, _), _ = at(CHANGE_POINT, 90.0)
+    assert not near.missing
+
+
+def test_limited_crank_has_states_in_its_arc_only():
+    found, _ = at(LIMITED, 30.0)
+    assert len(found) == 2
+    assert not found[0].missing
+    with pytest.raises(UnreachableError, match='it reaches'):
+        at(LIMITED, 180.0)
+
+
+def test_csv_has_a_row_for_each_assembly(tmp_path, monkeypatch, capsys):
+    out = tmp_path / 'state.csv'
+    words = 'linkage_chart', 'state', 'watt', '--at', '85deg', '--csv', str(out)
+    monkeypatch.setattr('sys.argv', [*words])
+    assert command_line.main() == 0
+    with out.open(newline='') as stream:
+        rows = [*csv.DictReader(stream)]
+    assert {float(row['crank.position [rad]']) for row in rows} == {math.radians(85.0)}
+    assert capsys.readouterr().out.count('driving_torque') == len(rows) == 4
+
+
+@pytest.mark.parametrize(
+    ('preset', 'words'),
+    [('excavator', '--at 30deg'), ('excavator', '--rpm 3'), ('watt', '--speed 1')],
+)
+def test_option_for_another_joint_is_refused(preset, words, monkeypatch, capsys):
+    monkeypatch.setattr('sys.argv', ['linkage_chart', 'state', preset, *words.split()])
+    assert command_line.main() == 2
+    assert words.split()[0] in capsys.readouterr().err
