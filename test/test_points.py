@@ -153,7 +153,9 @@ def mirrored(mechanism):
     ]  # fmt: skip
     rest = {'offset': -mechanism.offset} if hasattr(mechanism, 'offset') else {}
     # The mirrored crank is beyond a change point at 0, where the side changes.
-    is_beyond = isinstance(mechanism, FourBar) and mechanism.loop().transmission.sin.least is ZERO
+    is_beyond = (
+        isinstance(mechanism, FourBar) and mechanism.loop().transmission.sin_squared.least is ZERO
+    )
     is_told = getattr(mechanism, 'input', '') != 'crank'
     if is_told and not is_beyond:
         rest['assembly'] = other(mechanism.assembly)

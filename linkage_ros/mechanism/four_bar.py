@@ -165,7 +165,7 @@ class FourBarLoop(NamedTuple):
         """
         (S, C, sin_m, cos_m, u, v), (turn, bend) = halves, slopes
         kappa = self.transmission.kappa
-        p, q = self.transmission.cos.least, self.transmission.sin.least
+        p, q = self.transmission.cos_squared.least, self.transmission.sin_squared.least
         (diff_dr, sum_dr), (diff_bc, _) = self.ground, self.dyad
         # 1 - u^2 and 1 - v^2, and half the derivatives of u^2 and v^2.
         lack_u, lack_v = p / (cos_m * cos_m), q / (sin_m * sin_m)
@@ -300,7 +300,7 @@ class FourBar(Mechanism):
             arm=(-r * diff_dr, 2 * r * d),
             quotient=1 if side * transmission.kappa > 0 else -1,
             # If the crank cannot reach theta = 0, L never becomes short.
-            close=not transmission.sin.limits and abs(diff_dr) < _CLOSE * sum_dr,
+            close=not transmission.sin_squared.limits and abs(diff_dr) < _CLOSE * sum_dr,
         )
 
     def _pairs(self, far: float, near: float, other: float) -> tuple[tuple[float, float], ...]:
@@ -322,8 +322,8 @@ class FourBar(Mechanism):
         return Transmission(
             (delta, 0.0),
             sqrt(r * d / (b * c)) * (-1 if nearest_turns(delta) % 2 else 1),
-            cos=Square.of(far * around / four_bc, at_near),
-            sin=Square.of(near * other / four_bc, at_far),
+            cos_squared=Square.of(far * around / four_bc, at_near),
+            sin_squared=Square.of(near * other / four_bc, at_far),
             refuse=Opaque(lambda crank: self.reach().refuse(crank)),
         )
 

@@ -273,8 +273,8 @@ class SliderCrank(SlideDriven):
         return Transmission(
             (high, low - HALF_PI[1]),
             sqrt(r / b) * (-1 if nearest_turns(guide) % 2 else 1),
-            cos=Square.of(far / (2 * b), short_sum(longest, b, e, r) / (2 * b)),
-            sin=Square.of(near / (2 * b), short_sum(longest, b, -e, r) / (2 * b)),
+            cos_squared=Square.of(far / (2 * b), short_sum(longest, b, e, r) / (2 * b)),
+            sin_squared=Square.of(near / (2 * b), short_sum(longest, b, -e, r) / (2 * b)),
             refuse=Opaque(lambda crank: self.reach_of_crank().refuse(crank)),
         )
 

@@ -96,15 +96,15 @@ class Transmission(NamedTuple):
         kappa: Square root of kappa^2 in the formulas above, negative if the angle of the frame or
             guide, rounded to whole turns, is an odd number of turns. With this sign, `assembly`
             refers to the branch in the half turn after the reference.
-        cos: cos^2 m as a function of h; limits a crank that cannot reach h = pi/2.
-        sin: sin^2 m as a function of h; limits a crank that cannot reach h = 0.
+        cos_squared: cos^2 m as a function of h; limits a crank that cannot reach h = pi/2.
+        sin_squared: sin^2 m as a function of h; limits a crank that cannot reach h = 0.
         refuse: Function that rejects a crank angle.
     """
 
     reference: tuple[float, float]
     kappa: float
-    cos: Square
-    sin: Square
+    cos_squared: Square
+    sin_squared: Square
     refuse: Opaque
 
     def half_angles(self, crank: Real) -> tuple[Real, ...]:
@@ -119,10 +119,10 @@ class Transmission(NamedTuple):
         """
         sin_h, cos_h = half_angle(crank, self.reference)
         x, y = self.kappa * sin_h, self.kappa * cos_h
-        cos_m = self.cos.root(y, x, self.refuse, crank)
-        sin_m = self.sin.root(x, y, self.refuse, crank)
-        u = 1.0 if self.cos.least is ZERO else y / cos_m
-        v = 1.0 if self.sin.least is ZERO else x / sin_m
+        cos_m = self.cos_squared.root(y, x, self.refuse, crank)
+        sin_m = self.sin_squared.root(x, y, self.refuse, crank)
+        u = 1.0 if self.cos_squared.least is ZERO else y / cos_m
+        v = 1.0 if self.sin_squared.least is ZERO else x / sin_m
         return sin_h, cos_h, sin_m, cos_m, u, v
 
     def slopes(self, halves: tuple[Real, ...], factor: float = 1.0) -> tuple[Real, Real]:
@@ -136,7 +136,7 @@ class Transmission(NamedTuple):
             d(2m)/d(2h) and d^2(2m)/d(2h)^2, times the factor.
         """
         _, _, sin_m, cos_m, u, v = halves
-        p, q = self.cos.least, self.sin.least
+        p, q = self.cos_squared.least, self.sin_squared.least
         # 1 - u^2 = p / cos^2 m and 1 - v^2 = q / sin^2 m, without cancellation.
         second: Real = ZERO
         if q is not ZERO:
@@ -148,7 +148,7 @@ class Transmission(NamedTuple):
     @property
     def turns_fully(self) -> bool:
         """Whether a state exists at every crank angle."""
-        return not (self.cos.limits or self.sin.limits)
+        return not (self.cos_squared.limits or self.sin_squared.limits)
 
     def arcs(self) -> tuple[Arc, ...]:
         """Computes the arcs of crank angles where neither cos^2 m nor sin^2 m is negative.
@@ -158,15 +158,16 @@ class Transmission(NamedTuple):
         """
         if self.turns_fully:
             return FULL_TURN
-        middle, lacks = (
-            self.reference[0],
-            [max(-float(x.least), 0.0) for x in (self.sin, self.cos)],
-        )
-        nearest = 2 * math.atan2(math.sqrt(lacks[0]), math.sqrt(self.sin.most))
-        farthest = 2 * math.atan2(math.sqrt(self.cos.most), math.sqrt(lacks[1]))
-        if not self.sin.limits:
+        # The crank angle is 2h. An arc ends where sin^2 m = 0, so that tan^2 h = -q / (q + kappa^2),
+        # or where cos^2 m = 0, so that tan^2 h = (p + kappa^2) / -p. The sums are largest values.
+        minus_p = max(-float(self.cos_squared.least), 0.0)
+        minus_q = max(-float(self.sin_squared.least), 0.0)
+        nearest = 2 * math.atan2(math.sqrt(minus_q), math.sqrt(self.sin_squared.most))
+        farthest = 2 * math.atan2(math.sqrt(self.cos_squared.most), math.sqrt(minus_p))
+        middle, _ = self.reference
+        if not self.sin_squared.limits:
             return (normalized(middle - farthest, middle + farthest),)
-        if not self.cos.limits:
+        if not self.cos_squared.limits:
             return (normalized(middle + nearest, middle + 2 * math.pi - nearest),)
         return (
             normalized(middle + nearest, middle + farthest),
@@ -179,9 +180,13 @@ class Transmission(NamedTuple):
         They occur at h = 0 and h = pi/2. If the crank cannot reach one of these positions, its
         reach ends where the transmission angle is 0 (folded) or pi (stretched), respectively.
         """
-        near, far = (max(float(square.least), 0.0) for square in (self.sin, self.cos))
-        low = 2 * math.atan2(math.sqrt(near), math.sqrt(self.cos.most if near > 0 else 1.0))
-        high = 2 * math.atan2(math.sqrt(self.sin.most if far > 0 else 1.0), math.sqrt(far))
+        least_sin, least_cos = (
+            max(float(square.least), 0.0) for square in (self.sin_squared, self.cos_squared)
+        )
+        most_cos = self.cos_squared.most if least_sin > 0 else 1.0
+        most_sin = self.sin_squared.most if least_cos > 0 else 1.0
+        low = 2 * math.atan2(math.sqrt(least_sin), math.sqrt(most_cos))
+        high = 2 * math.atan2(math.sqrt(most_sin), math.sqrt(least_cos))
         return low, high
 
     def reach(
@@ -208,7 +213,7 @@ class Transmission(NamedTuple):
         totals = {words: math.fsum(terms) for words, terms in sums.items()}
         longest = max(abs(length) for terms in sums.values() for length in terms)
         rounding = {x: total for x, total in totals.items() if is_rounding(longest, total)}
-        may_limit = [self.cos.limits, *[self.sin.limits] * (len(sums) - 1)]
+        may_limit = [self.cos_squared.limits, *[self.sin_squared.limits] * (len(sums) - 1)]
         limits = tuple(
             f'{words} = {total:.6g} m is negative'
             for (words, total), limits in zip(totals.items(), may_limit, strict=True)
@@ -217,7 +222,7 @@ class Transmission(NamedTuple):
         equalities = tuple(
             f'{words} = {total:.2g} m counts as 0' for words, total in rounding.items() if total
         )
-        least_cos, least_sin = float(self.cos.least), float(self.sin.least)
+        least_cos, least_sin = float(self.cos_squared.least), float(self.sin_squared.least)
         has_one_change_point = (least_cos == 0) != (least_sin == 0)
         # The output moves fast where h is within these widths of 0 or pi/2.
         widths = [math.sqrt(x) / abs(self.kappa) for x in (least_cos, least_sin) if x > 0]
