@@ -158,8 +158,8 @@ class Transmission(NamedTuple):
         """
         if self.turns_fully:
             return FULL_TURN
-        # The crank angle is 2h. An arc ends where sin^2 m = 0, so that tan^2 h = -q / (q + kappa^2),
-        # or where cos^2 m = 0, so that tan^2 h = (p + kappa^2) / -p. The sums are largest values.
+        # An arc ends where sin^2 m = 0, at tan^2 h = -q / (q + kappa^2), or where cos^2 m = 0, at
+        # tan^2 h = (p + kappa^2) / -p. The sums are largest values; the crank angle is 2h.
         minus_p = max(-float(self.cos_squared.least), 0.0)
         minus_q = max(-float(self.sin_squared.least), 0.0)
         nearest = 2 * math.atan2(math.sqrt(minus_q), math.sqrt(self.sin_squared.most))
