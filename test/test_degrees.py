@@ -6,6 +6,7 @@ import math
 
 import mpmath
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from mechanisms import examples
@@ -13,10 +14,13 @@ from ros_harness import assert_refused, node_arguments, stop, verified, watched
 from test_node_parameters import dump, set_parameter
 
 from linkage_lab.sweep.study import read_study
-from linkage_ros import ConfigurationError
+from linkage_ros import ConfigurationError, load
+from linkage_ros.errors import ParameterWarning
 from linkage_ros.node import linkage_node
+from linkage_ros.programs import record
 from linkage_ros.quantities import Quantity
 from linkage_ros.settings.configuration import configure
+from linkage_ros.settings.yaml_file import read_parameter_file
 
 ANGLE = Quantity('number', 'an angle', 'rad', -1e9, 1e9)
 SLIDER = {
@@ -182,5 +186,97 @@ def test_node_converts_degrees_and_whole_numbers(tmp_path):
         refused = set_parameter(listener, 'rpm', **other)
         assert 'only angles' in refused.reason
         assert set_parameter(listener, 'gravity', type=7, integer_array_value=[0, -5]).successful
+        stop(process)
+    verified(log)
+
+
+def written(tmp_path, lines):
+    path = tmp_path / 'own.yaml'
+    path.write_text('/**:\n  ros__parameters:\n' + ''.join(f'    {line}\n' for line in lines))
+    return path
+
+
+MIXED = ['a: [0, -9.81]', 'b: {c: [1.5, 2, 3e0]}', 'd: [1, 2]', 'e: [1.0, 2.0]']
+
+
+def test_list_with_whole_numbers_is_read_as_floats_and_noted_with_the_line_to_write(tmp_path):
+    path = written(tmp_path, MIXED)
+    with pytest.warns(ParameterWarning) as found:
+        values = read_parameter_file(path)
+    assert values == {'a': [0.0, -9.81], 'b.c': [1.5, 2.0, 3.0], 'd': [1, 2], 'e': [1.0, 2.0]}
+    assert {type(x) for x in values['b.c']} == {float}
+    assert {type(x) for x in values['d']} == {int}
+    (words,) = [str(warning.message) for warning in found]
+    assert words.endswith('line 3: a: [0.0, -9.81]; line 4: b.c: [1.5, 2.0, 3.0]')
+    with pytest.raises(ConfigurationError, match=r'ROS refuses .* a: \[0\.0, -9\.81\]'):
+        read_parameter_file(path, for_ros=True)
+
+
+def test_lines_to_write_are_read_without_a_note(tmp_path):
+    path = written(tmp_path, MIXED)
+    with pytest.warns(ParameterWarning) as found:
+        values = read_parameter_file(path)
+    lines = str(found[0].message).partition('write ')[2].split('; ')
+    lines = [line.partition(': ')[2] for line in lines]
+    assert read_parameter_file(written(tmp_path, [*lines, *MIXED[2:]]), for_ros=True) == values
+
+
+@pytest.mark.parametrize(
+    'line', ['a: [0, true]', 'a: [0.5, 1, x]', 'a: [85deg, 3]', 'a: [0.0, -9,81]', 'a: [0, 010]']
+)
+def test_other_mixed_lists_are_refused(tmp_path, line):
+    with pytest.raises(ConfigurationError, match='line 3'):
+        read_parameter_file(written(tmp_path, [line]))
+
+
+def test_list_without_spaces_has_no_decimal_comma(tmp_path):
+    with pytest.warns(ParameterWarning):
+        values = read_parameter_file(written(tmp_path, ['a: [0,90,180.5]']))
+    assert values == {'a': [0.0, 90.0, 180.5]}
+
+
+DRAWING = """
+mechanism: drawing
+gravity: [0, -9.81]
+rpm: 60
+drawing: {units: mm, input: crank, frame: [A0, B0], pins: {A0: [0, 0], A: [30, 40],
+  B: [150.5, 120], B0: [160, 0]}, links: {crank: {pins: [A0, A]}, coupler: {pins: [A, B]},
+  rocker: {pins: [B, B0], mass: 1, center: [155, 60]}}}
+""".strip().split('\n')
+
+
+def test_every_program_but_the_node_reads_mixed_lists(called, tmp_path):
+    path, log = written(tmp_path, DRAWING), tmp_path / 'run.mcap'
+    code, _, error = called(record, path, log, '--duration', '0.1')
+    assert code == 0, error
+    assert error.count('note: ') == error.count('ROS refuses lists') == 1
+    with pytest.warns(ParameterWarning):
+        assert load(str(path)).mechanism == configure_lines(DRAWING).mechanism
+    outcome = called(linkage_node, '--ros-args', '--params-file', path)
+    assert_refused(*outcome, r'ROS refuses .*line 4: gravity: \[0\.0, -9\.81\]')
+
+
+def configure_lines(lines):
+    """Returns the configuration of lines of YAML, read by PyYAML."""
+    flat = {}
+
+    def add(name, value):
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                add(f'{name}.{key}'.lstrip('.'), inner)
+        else:
+            flat[name] = value
+
+    add('', yaml.safe_load('\n'.join(lines)))
+    return configure(flat)
+
+
+def test_node_reads_pins_as_whole_numbers(tmp_path):
+    text = [line.replace('150.5', '150').replace('9.81', '10') for line in DRAWING]
+    path, log = written(tmp_path, text), tmp_path / 'run.mcap'
+    arguments = [*node_arguments(log=log), '--params-file', path]
+    with watched(['/joint_states'], *arguments) as (listener, process):
+        listener.await_more(10)
+        assert list(dump(listener)['drawing.pins.A'].double_array_value) == [30.0, 40.0]
         stop(process)
     verified(log)

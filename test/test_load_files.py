@@ -96,7 +96,6 @@ FOUR     kind: force, link: crank, force: 5.0     force = 5.0 | two numbers
 FOUR     kind: force, link: crank, force: [1.0, 2.0, 3.0]  force = | two
 FOUR     kind: force, link: crank, force: [1.0, .nan]  force = | nan
 FOUR     kind: force, link: crank, force: [1.0, .inf]  force = | inf
-FOUR     kind: force, link: crank, force: [1.0, 0]     mixes types
 FOUR     FORCE, at: 0.1                           at = 0.1
 FOUR     FORCE, axes: body                        axes = 'body' | world, link
 
@@ -152,7 +151,7 @@ SLIDER   CURVE, at: [1.0, 0.5], value: [1.0, 2.0]  at must increase | number 2, 
 SLIDER   CURVE, at: [0.0, 13.0], value: [1.0, 1.0]  13 rad = 744.845 deg
 SLIDER   CURVE, at: [0.0, 6.283185307179586], value: [1.0, 2.0]  ends with 2 | first, 1
 SLIDER   CURVE, at: [0.0, .nan], value: [1.0, 1.0]  at = [0.0, nan] | from -1e+09
-SLIDER   CURVE, at: [0, 1.5], value: [1.0, 1.0]   at' mixes types, 0 and 1.5
+SLIDER   CURVE, at: [0, x], value: [1.0, 1.0]     at' mixes types, 0 and 'x'
 SLIDER   CURVE, at: [], value: [1.0]              at' is an empty list
 SLIDER   CURVE, at: [a, b], value: [1.0, 1.0]     at = ['a', 'b'] | list of numbers
 SLIDER   CURVE, at: 1.0, value: [1.0]             at = 1.0 | list of numbers

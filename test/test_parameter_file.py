@@ -231,7 +231,10 @@ def outcome(path, node='linkage_node'):
     rcl ignores a file without parameters of the node; the reader refuses it.
     """
     try:
-        return {name: repr(value) for name, value in read_parameter_file(path, node).items()}
+        return {
+            name: repr(value)
+            for name, value in read_parameter_file(path, node, for_ros=True).items()
+        }
     except ConfigurationError as error:
         return {} if ' has no parameters of /' in str(error) else str(error)
 
@@ -318,7 +321,6 @@ def test_agrees_with_rcl_in_a_namespace(namespace, files, answers):
 # Invalid values and names, and what the error names.
 MESSAGES = {
     'a: []': "line 3: 'a'",
-    'a: [0, -9.81]': r"line 3: 'a' .* 0 .* -9\.81.* \[0\.0, -9\.81\]",
     'a: {b: [1, "x"]}': r"'a\.b' .* 1 .* 'x'",
     'a: [[1]]': "'a' .* list",
     'a: [{b: 1}]': "'a' .* mapping",

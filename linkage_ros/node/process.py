@@ -126,7 +126,7 @@ def _check_parameter_files(arguments: list[str], node: str) -> None:
                 raise ConfigurationError(
                     f'{path} is not a file: give the path of a parameter file'
                 )
-            read_parameter_file(path, name)
+            read_parameter_file(path, name, for_ros=True)
 
 
 def full_name(arguments: list[str], node: str) -> str:

@@ -4,7 +4,7 @@
 
 As in rcl, `1e2` is a float, `on` is a bool, all values of a list have one type, and a later
 section for a node overrides an earlier one. Other spellings of numbers, such as hexadecimal ones,
-are text.
+are text. Lists such as [0, -9.81], which rcl refuses, are read as floats.
 """
 
 import itertools
@@ -26,7 +26,7 @@ ParameterValue: TypeAlias = _Scalar | list[bool] | list[int] | list[float] | lis
 Parameters: TypeAlias = dict[str, ParameterValue]
 
 _MAX_BYTES = 1 << 20
-_MOST_REPEATED = 6  # names that a note lists
+_MOST_LISTED = 6  # names that a note lists
 _MAX_NAME = 255  # characters including all parents, which also limits the nesting depth
 _TRUE, _FALSE = (
     'y|Y|yes|Yes|YES|true|True|TRUE|on|On|ON',
@@ -40,31 +40,37 @@ _REAL = (
 _VALUE = 'write a bool, integer, float or string, or a list of one of these'
 _SECTION = 'ros__parameters'
 _LOG = b'\x89MCAP0\r\n'
+_DECIMAL_COMMA = r'(?<![\w.])([-+]?\d+),(\d+)(?![.\w])'
 # Common mistakes: pattern of the line, and description.
 _COMMON = {
     r'^ *\t': 'a tab; indent with spaces',
     r'(?<![\w/])([A-Za-z_]\w*):([-+.\w][^,}\s]*)': 'no space after the colon; write {0}: {1}',
-    r'(?<![\w.])([-+]?\d+),(\d+)(?![.\w])': 'a comma in a number; write {0}.{1}',
+    _DECIMAL_COMMA: 'a comma in a number; write {0}.{1}',
 }
 _LAYOUT = f'begin the file with /**:, indent {_SECTION}: below it, and the parameters below that'
 
 
-def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Parameters:
+def read_parameter_file(
+    path: Path | str, node_name: str = 'linkage_node', *, for_ros: bool = False
+) -> Parameters:
     """Reads the parameters that a file sets on a node.
 
     Args:
         path: Path of the YAML file.
         node_name: Name of the node with its namespace, such as left/linkage_node.
+        for_ros: Whether rcl will read the file, too.
 
     Returns:
         The values by dotted name. If two sections set the same name, the later one wins.
 
     Warns:
-        ParameterWarning: A section sets a name twice; as in rcl, the last value applies.
+        ParameterWarning: A section sets a name twice, of which the last value applies, as in rcl;
+            or, unless rcl will read the file, a list mixes whole numbers with others.
 
     Raises:
-        ConfigurationError: The file cannot be read or is not a parameter file, or none of its
-            sections applies to the node, which would then run with defaults.
+        ConfigurationError: The file cannot be read or is not a parameter file, none of its
+            sections applies to the node, which would then run with defaults, or rcl would refuse a
+            list.
     """
     reader, node = _Reader(path, 'parameter', _LAYOUT), f'/{node_name.strip("/")}'
     values, sections = Parameters(), list[str]()
@@ -75,6 +81,11 @@ def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Pa
         sections.append('/'.join(names[:depth]))
         if _matches(sections[-1], node):
             values['.'.join(names[depth + 1 :])] = value
+    if reader.mixed:
+        words = reader.words_on_mixed()
+        if for_ros:
+            raise ConfigurationError(words)
+        warnings.warn(words, ParameterWarning, stacklevel=2)
     if not values:
         others = shortened(', '.join(dict.fromkeys(sections)), 200)
         raise ConfigurationError(
@@ -110,6 +121,8 @@ class _Reader:
     def __init__(self, path: Path | str, kind: str, layout: str) -> None:
         self.file = str(path) if str(path).isprintable() else repr(str(path))
         self.layout, self.line = layout, 1
+        # Lists that mix whole numbers with others, each by its name and line, as floats.
+        self.mixed: dict[tuple[str, int], list[float]] = {}
         try:
             self.data = read_file(path, _MAX_BYTES)
         except OSError as error:
@@ -143,7 +156,7 @@ class _Reader:
         """Warns of names that are given more than once, with the last two lines of each."""
         words = [
             f'{shown(name.rpartition(f"{_SECTION}.")[2])} (lines {first} and {last})'
-            for name, (first, last) in itertools.islice(repeated.items(), _MOST_REPEATED)
+            for name, (first, last) in itertools.islice(repeated.items(), _MOST_LISTED)
         ]
         if (more := len(repeated) - len(words)) > 0:
             words.append(f'and {more} more')
@@ -152,6 +165,19 @@ class _Reader:
             'remove the others',
             ParameterWarning,
             stacklevel=2,
+        )
+
+    def words_on_mixed(self) -> str:
+        """Returns one line on lists that rcl refuses, with what to write instead."""
+        words = [
+            f'line {line}: {name}: {shown(row)}'
+            for (name, line), row in itertools.islice(self.mixed.items(), _MOST_LISTED)
+        ]
+        if (more := len(self.mixed) - len(words)) > 0:
+            words.append(f'and {more} more')
+        return (
+            f'{self.file}: ROS refuses lists that mix whole numbers with others; for ROS, write '
+            f'{"; ".join(words)}'
         )
 
     def mapping(self, names: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], ParameterValue]]:
@@ -177,13 +203,20 @@ class _Reader:
             if not isinstance(event, yaml.ScalarEvent):
                 raise self.error(f'{name!r} holds {_show(event)}; {_VALUE}')
             items.append(self.scalar(name, event))
-            if type(items[0]) is not type(items[-1]):
+            types = {type(items[0]), type(items[-1])}
+            if len(types) > 1 and types != {int, float}:
                 mix = f'{shown(items[0])} and {shown(items[-1])}'
                 raise self.syntax_error(
-                    f'{name!r} mixes types, {mix}; give one, as in [0.0, -9.81]'
+                    f'{name!r} mixes types, {mix}; give one, as in [0.0, -9.81] or [10deg, 85deg]'
                 )
         if not items:
             raise self.error(f'{name!r} is an empty list; {_VALUE}')
+        if len({*map(type, items)}) > 1:
+            text = self.data.decode(errors='replace').split('\n')[self.line - 1]
+            if ', ' in text and re.search(_DECIMAL_COMMA, text):
+                raise self.syntax_error(f'{name!r} has a comma in a number')
+            items = [*map(float, items)]
+            self.mixed[name, self.line] = cast('list[float]', items)
         return cast('ParameterValue', items)
 
     def scalar(self, name: str, event: yaml.ScalarEvent) -> _Scalar:
