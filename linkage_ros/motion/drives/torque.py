@@ -79,41 +79,42 @@ class TorqueDrive(Drive):
         """Returns the place at t = 0; see `Drive.drawn_angle`."""
         return float(self.start(mechanism).unwrapped)
 
-    def _start_of_slide(self, mechanism: Mechanism, crank: float, speed: float) -> Coordinates:
-        """Converts the start, crank angle, rad, and speed, rad/s, to those of a driven slide.
+    def _start_of_slide(
+        self, mechanism: Mechanism, crank_angle: float, crank_rate: float
+    ) -> Coordinates:
+        """Converts the start from the crank, rad and rad/s, to the driven slide, m and m/s.
 
-        The crank angle leaves two positions. The first is taken, that of the assembly `open` of
-        the same mechanism with a driven crank, unless only the second is in the assembly.
+        The slide may have a position in each assembly of the same mechanism with a driven crank.
+        The one of `open` is taken, unless only the other one is in the assembly of the mechanism.
 
         Raises:
             ConfigurationError: The crank is on the side of the other assembly.
             UnreachableError: The mechanism cannot be there.
         """
-        word, wrong = mechanism.structure().driven_link.driven_word, ''
-        for way in (OPEN, CROSSED):
-            by_crank = Solver(mechanism, description=Description(mechanism.other_coordinates, way))
-            state, driven = by_crank.state(crank, speed), by_crank.structure.driven
-            q, u = state.position[driven], state.velocity[driven]
+        mistakes = list[str]()
+        for assembly_by_crank in (OPEN, CROSSED):
+            start = _slide_of(mechanism, assembly_by_crank, crank_angle, crank_rate)
             try:
-                found = {
-                    assembly: Solver(replace(cast('Any', mechanism), assembly=assembly)).state(q)
-                    for assembly in (OPEN, CROSSED)
-                }
+                crank_angles = _crank_angles(mechanism, start.unwrapped)
             except UnreachableError:
-                if wrong:  # the rod of a cylinder has one position
+                if mistakes:  # the rod of a cylinder has only the first position
                     break
                 raise
-            angles = {assembly: each.position[0] for assembly, each in found.items()}
-            nearest = min(angles, key=lambda x: abs(math.remainder(angles[x] - crank, math.tau)))
+            distances = {
+                assembly: abs(math.remainder(angle - crank_angle, math.tau))
+                for assembly, angle in crank_angles.items()
+            }
+            nearest = min(distances, key=distances.__getitem__)
             if nearest == mechanism.assembly:
-                return Coordinates((q,), (u,), (0.0,), q)
-            other = rad_and_deg(angles[mechanism.assembly])
-            wrong = wrong or (
+                return start
+            slide = mechanism.structure().driven_link.driven_word
+            mistakes.append(
                 f'crank_angle = {self.crank_angle:g}: is in assembly {nearest}; in '
-                f'{mechanism.assembly}, the crank is at {other} for this position of the '
-                f'{word}; change crank_angle or assembly'
+                f'{mechanism.assembly}, the crank is at '
+                f'{rad_and_deg(crank_angles[mechanism.assembly])} for this position of the '
+                f'{slide}; change crank_angle or assembly'
             )
-        raise ConfigurationError(wrong)
+        raise ConfigurationError(mistakes[0])
 
     def check(self, mechanism: Mechanism) -> None:
         """Checks that the motion can start.
@@ -162,6 +163,38 @@ class TorqueDrive(Drive):
         with suppress(LinkageError):  # the run will report this error
             yield motion.at(NS_PER_S)
             motion.rehearse()
+
+
+def _slide_of(
+    mechanism: Mechanism, assembly_by_crank: str, crank_angle: float, crank_rate: float
+) -> Coordinates:
+    """Returns position, m, and rate, m/s, of the driven slide, given those of the crank.
+
+    Args:
+        mechanism: A mechanism whose slide is driven.
+        assembly_by_crank: Assembly of the same mechanism with a driven crank.
+        crank_angle: Crank angle, rad.
+        crank_rate: Crank speed, rad/s.
+    """
+    by_crank = Description(mechanism.other_coordinates, assembly_by_crank)
+    solver = Solver(mechanism, description=by_crank)
+    state, slide = solver.state(crank_angle, crank_rate), solver.structure.driven
+    position, rate = state.position[slide], state.velocity[slide]
+    return Coordinates((position,), (rate,), (0.0,), position)
+
+
+def _crank_angles(mechanism: Mechanism, slide_position: float) -> dict[str, float]:
+    """Returns the crank angle in each assembly, rad, at a position of the driven slide, m.
+
+    Raises:
+        UnreachableError: The slide cannot be there.
+    """
+    found = dict[str, float]()
+    for assembly in (OPEN, CROSSED):
+        solver = Solver(replace(cast('Any', mechanism), assembly=assembly))
+        (crank,) = solver.structure.indices_of(['crank'])
+        found[assembly] = solver.state(slide_position).position[crank]
+    return found
 
 
 class TorqueCommands(Input):
