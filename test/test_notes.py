@@ -246,6 +246,13 @@ def test_programs_print_a_name_given_twice_once(tmp_path, called):
     ],
 )  # fmt: skip
 def test_units_of_a_drawing_are_doubted(changes, words):
+    found = notes_on_drawing(changes)
+    assert bool(found) == bool(words)
+    assert words in ''.join(found[:1])
+
+
+def notes_on_drawing(changes, drive='speed'):
+    """Returns the notes on a four-bar drawn in mm, of which some values are changed."""
     values = {
         'units': 'mm', 'input': 'crank', 'frame': ['O', 'Q'], 'pins.O': [0.0, 0.0],
         'pins.A': [30.0, 40.0], 'pins.B': [140.0, 90.0], 'pins.Q': [150.0, 0.0],
@@ -253,6 +260,35 @@ def test_units_of_a_drawing_are_doubted(changes, words):
         'links.arm.center': [75.0, 80.0], 'links.rocker.pins': ['Q', 'B'], **changes,
     }  # fmt: skip
     drawing = {f'drawing.{name}': value for name, value in values.items()}
-    found = notes(configure({'mechanism': 'drawing', 'rpm': 60.0, **drawing}))
-    assert bool(found) == bool(words)
-    assert words in ''.join(found[:1])
+    rpm = {'rpm': 60.0} if drive == 'speed' else {}
+    return notes(configure({'mechanism': 'drawing', 'drive': drive, **rpm, **drawing}))
+
+
+def test_mass_in_g_of_a_drawing_is_noted():
+    (line,) = notes_on_drawing({'links.arm.mass': 500.0})
+    assert line.startswith('drawing.links.arm.mass = 500 kg')
+
+
+PARALLELOGRAM = {'pins.A': [30.0, 40.0], 'pins.B': [130.0, 40.0], 'pins.Q': [100.0, 0.0]}
+
+
+@pytest.mark.parametrize(
+    ('changes', 'sums'),
+    [
+        ({}, []),
+        ({'pins.B': [130.001, 40.0]}, ['1.6e-06']),
+        ({'pins.B': [130.001, 40.0], 'links.arm.length': 100.0, 'links.rocker.length': 50.0}, []),
+        ({'pins.B': [130.1, 40.0]}, []),  # 0.1 mm is no rounding error
+        ({'units': 'm', 'pins.A': [0.03, 0.04], 'pins.B': [0.130001, 0.04], 'pins.Q': [0.1, 0.0],
+          'links.arm.center': [0.07, 0.04]}, ['1.6e-06']),
+    ],
+)  # fmt: skip
+def test_parallelogram_that_is_nearly_one_is_noted_with_its_sum(changes, sums):
+    found = notes_on_drawing({**PARALLELOGRAM, **changes}, drive='follow')
+    assert len(found) == bool(sums)
+    for value in sums:
+        assert f'{value} m' in found[0]
+        assert 'rocker' in found[0]
+        assert 'drawing.links.' in found[0]
+        with pytest.raises(ConfigurationError, match=r'turn fully: .* give .* their length'):
+            notes_on_drawing({**PARALLELOGRAM, **changes})

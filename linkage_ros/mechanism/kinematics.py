@@ -144,6 +144,8 @@ class Reach(NamedTuple):
         cures: Alternative changes that would let the crank turn fully; empty if it already does.
         equalities: Descriptions of sums of lengths that are treated as 0 although their binary
             values differ from 0.
+        near_equalities: Descriptions of sums of lengths that are nearly 0, within 1e-4 of the
+            longest length, but count as other than 0.
         fast: Crank angle, rad. Near this angle and half a turn away, the output may move fast.
         width: Half-width of these two regions, rad; inf if there are none.
         driven: What is driven: 'crank', 'cylinder' or 'slider'.
@@ -156,6 +158,7 @@ class Reach(NamedTuple):
     limits: tuple[str, ...] = ()
     cures: tuple[str, ...] = ()
     equalities: tuple[str, ...] = ()
+    near_equalities: tuple[str, ...] = ()
     fast: float = 0.0
     width: float = math.inf
     driven: str = 'crank'

@@ -27,6 +27,8 @@ from linkage_ros.formulas import ZERO, Opaque, cos, require, sin, sqrt
 from linkage_ros.mechanism.kinematics import FULL_TURN, Arc, Reach
 from linkage_ros.numeric import Real, is_rounding, short_sum, two_sum, wrap
 
+_NEAR = 1e-4  # of the longest length; a smaller sum is nearly a change point
+
 
 def half_angle(crank: Real, reference: tuple[float, float]) -> tuple[Real, Real]:
     """Computes sine and cosine of h, half the crank angle from a direction, to an ulp.
@@ -222,6 +224,11 @@ class Transmission(NamedTuple):
         equalities = tuple(
             f'{words} = {total:.2g} m counts as 0' for words, total in rounding.items() if total
         )
+        near_equalities = tuple(
+            f'{words} = {total:.2g} m'
+            for words, total in totals.items()
+            if words not in rounding and abs(total) < _NEAR * longest
+        )
         least_cos, least_sin = float(self.cos_squared.least), float(self.sin_squared.least)
         has_one_change_point = (least_cos == 0) != (least_sin == 0)
         # The output moves fast where h is within these widths of 0 or pi/2.
@@ -236,6 +243,7 @@ class Transmission(NamedTuple):
             limits=limits,
             cures=tuple(cures) if limits else (),
             equalities=equalities,
+            near_equalities=near_equalities,
             fast=self.reference[0],
             width=min(widths, default=math.inf),
         )

@@ -3,6 +3,7 @@
 """Notes values of a configuration that are possible, but probably a mistake."""
 
 import math
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -37,6 +38,7 @@ def notes(configuration: Configuration) -> list[str]:
         *_lengths(configuration),
         *_places(configuration),
         *_masses(configuration),
+        *_near_change_point(configuration),
         *_rate(configuration),
         *_rounding(configuration),
         *_nothing(configuration),
@@ -160,6 +162,25 @@ def _masses(configuration: Configuration) -> Iterator[str]:
                 f'{name} = {mass:g} kg, more than a cube of steel with an edge of '
                 f'{1.5 * size:.3g} m; did you mean {mass:g} g = {mass * 1e-3:g} kg?'
             )
+
+
+def _near_change_point(configuration: Configuration) -> Iterator[str]:
+    """Notes sums of drawn lengths that are probably meant to be 0, as in a parallelogram.
+
+    Coordinates of few digits, or those of a CAD program, give such sums.
+    """
+    mechanism = configuration.mechanism
+    if not mechanism.drawn or not (reach := mechanism.reach()) or not reach.near_equalities:
+        return
+    own = (link.name for link in mechanism.loop_structure().links)
+    names = dict(zip(own, mechanism.drawn.links, strict=True))
+    sums = '; '.join(reach.near_equalities)
+    sums = re.sub(r'[a-z]+', lambda word: names.get(word[0], word[0]), sums)
+    yield (
+        f'of the lengths drawn, {sums}: nearly a change point; if it is to be 0, give a link of '
+        'the loop its length, such as drawing.links.'
+        f'{mechanism.drawn.links[0]}.length, which replaces the distance drawn'
+    )
 
 
 def _rate(configuration: Configuration) -> Iterator[str]:

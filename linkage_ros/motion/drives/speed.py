@@ -75,9 +75,10 @@ class SpeedDrive(TrajectoryFeedForward):
     def check(self, mechanism: Mechanism) -> None:
         """Checks that the crank can turn fully, and that it does not reverse inside valves."""
         solver = Solver(mechanism)
-        solver.reach.require_full_turn(
-            '; drive: motion, torque or follow moves it within these angles'
-        )
+        otherwise = '; drive: motion, torque or follow moves it within these angles'
+        if mechanism.drawn and solver.reach.near_equalities:
+            otherwise += '; if this sum is to be 0, give the links of the loop their length'
+        solver.reach.require_full_turn(otherwise)
         Ranges(solver).require_valves(self.reversals())
 
     def begin(self, stamp: int, machine: Machine) -> SpeedMotion:  # noqa: ARG002
