@@ -203,24 +203,29 @@ class Dyad(Checked):
 
     def loop(self, structure: Any) -> 'TwoLinks | LinkAndSlider | BarrelAndRod':
         """Returns the kinematic constants, given the structure of the whole mechanism."""
-        points, refuse = structure.points, Opaque(self._refuse)
-        start, side = points[self.pins[0]], 1 if self.assembly == OPEN else -1
-        if self.barrel is not None:
-            apart = start.minus(points[self.pins[-1]])
-            return BarrelAndRod(apart, self.offset, abs(self.offset), refuse)
-        first: Any = self.first
+        refuse = Opaque(self._refuse)  # a program calls it, and records no operations of it
+        first_end, *_, last_pin = (structure.points[pin] for pin in self.pins)
+        if self.barrel is not None:  # it turns about the second end, the last pin
+            barrel_to_rod = first_end.minus(last_pin)
+            return BarrelAndRod(barrel_to_rod, self.offset, abs(self.offset), refuse)
+        side, first = 1 if self.assembly == OPEN else -1, cast('Body', self.first)
         if self.second is not None:
-            apart = points[self.pins[-1]].minus(start)
+            apart = last_pin.minus(first_end)
             return TwoLinks(apart, first.length, self.second.length, side, refuse)
-        j = structure.link_index([*self.parts][1], self.name)
-        spin, angle = axes_of(structure.links, j)
-        apart = start.minus(structure.ends(self)[1].point)
+        start, spin, guide = self._from_guide(structure, first_end)
+        return LinkAndSlider(start, spin, guide, first.length, side, refuse)
+
+    def _from_guide(self, structure: Any, first_end: Any) -> tuple[Any, int | None, Vector]:
+        """Returns `start`, `spin` and `guide` of a `LinkAndSlider`."""
+        _, slider = self.parts
+        spin, angle = axes_of(structure.links, structure.link_index(slider, self.name))
         guide = Vector.at(angle or 0.0)
-        if spin is None:  # in the axes of the guide
-            from_base = complex(guide.x, -guide.y)  # rotation
-            weights = tuple(weight * from_base for weight in apart.weights)
-            apart = apart._replace(weights=weights, fixed=apart.fixed * from_base)
-        return LinkAndSlider(apart, spin, guide, first.length, side, refuse)
+        _, guide_point = structure.ends(self)
+        start = first_end.minus(guide_point.point)
+        if spin is None:
+            # The guide does not turn: convert to its axes once, instead of in each pose.
+            start = start.times(complex(guide.x, -guide.y))
+        return start, spin, guide
 
     def gap(self, distance: float) -> str:
         """Describes by how much the dyad does not close.

@@ -51,6 +51,10 @@ class Point(NamedTuple):
         weights = tuple(x - y for x, y in zip(self.weights, other.weights, strict=True))
         return Point(weights, self.fixed - other.fixed)
 
+    def times(self, factor: complex) -> 'Point':
+        """Returns the point multiplied by a complex number, such as e^(i angle) to turn it."""
+        return Point(tuple(weight * factor for weight in self.weights), self.fixed * factor)
+
     def motion(
         self, directions: Sequence[Vector], rates: Sequence[Real], changes: Sequence[Real]
     ) -> tuple[Vector, Vector, Vector]:
