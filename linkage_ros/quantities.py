@@ -585,6 +585,28 @@ def _built(field: Any, part: Any, values: Mapping[str, object], prefix: str) -> 
     return MISSING
 
 
+def changed(instance: _T, values: Mapping[str, object], prefix: str = '') -> _T:
+    """Returns a copy of an object with other values; unlike `build`, it keeps unlisted fields.
+
+    Args:
+        instance: A dataclass of quantities.
+        values: New values by dotted name.
+        prefix: Prefix of the names in `values`.
+    """
+    changes: dict[str, object] = {}
+    for field, part in _parts(type(instance)):
+        value, name = getattr(instance, field.name), prefix + _parameter(field)
+        if isinstance(part, _Group):
+            changes[field.name] = tuple(
+                changed(member, values, f'{name}.{member.name}.') for member in value
+            )
+        elif isinstance(part, _Part) and value is not None:
+            changes[field.name] = changed(value, values, f'{name}.')
+        elif name in values:
+            changes[field.name] = values[name]
+    return typing.cast('_T', dataclasses.replace(typing.cast('Any', instance), **changes))
+
+
 def flatten(instance: object, prefix: str = '') -> dict[str, object]:
     """Returns the values of an object by dotted name, without None values.
 

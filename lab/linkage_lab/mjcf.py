@@ -17,7 +17,7 @@ import numpy as np
 from linkage_ros import ConfigurationError, Force, LinkLoad, Mechanism, Pins, Solver, Spring, State
 from linkage_ros.extensions import Link, Point, Structure
 from linkage_ros.internals import axes_of, make_urdf, rigid_links, spin_of
-from linkage_ros.quantities import build, flatten
+from linkage_ros.quantities import changed, flatten
 
 # MuJoCo raises the time constant of a constraint, the first number of solref, to at least twice
 # the timestep, so this makes the loop as stiff as the timestep allows.
@@ -47,12 +47,15 @@ def about_zeros(mechanism: Mechanism, start: State) -> list[str]:
         at the speed u of the start, or 1 rad/s or 1 m/s at rest, with an acceleration of u^2.
         Empty if the change is negligible.
     """
-    values = flatten(replace(cast('Any', mechanism), loads=()))
+    bare = replace(cast('Any', mechanism), loads=())
+    values = flatten(bare)
+    link_of = {group: link for link, group in mechanism.part_groups().items()}
     bodies = {link.joint.name: link for link in rigid_links(mechanism)}
     guided = {link.name for link in mechanism.structure().links if link.is_guided}
     small, links = dict[str, object](), dict[str, None]()
     for name, value in values.items():
-        link, _, what = name.removeprefix('dyads.').replace('.', '_').rpartition('_')
+        group, _, what = name.rpartition('.')
+        link = link_of.get(group, '')
         has_term = what == 'mass' or (what == 'inertia' and link not in guided)
         if has_term and value == 0.0:
             small[name], links[link] = getattr(bodies[link], what), None
@@ -67,8 +70,7 @@ def about_zeros(mechanism: Mechanism, start: State) -> list[str]:
     room = 0.0 if reach.turns_fully else _MARGIN * (high - low)
     places = np.linspace(low + room, high - room, _PLACES)
     right, found = (
-        Solver(build(type(mechanism), given)).state(places, speed, speed**2).torque
-        for given in (values, values | small)
+        Solver(one).state(places, speed, speed**2).torque for one in (bare, changed(bare, small))
     )
     change, peak = (float(np.abs(x).max()) for x in (found - right, right))
     if change <= _NEGLIGIBLE * peak:

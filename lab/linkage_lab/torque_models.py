@@ -9,7 +9,7 @@ masses, or the torque by a series or a table.
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from linkage_ros import Body, Mechanism, Solver
 from linkage_ros.extensions import Constants, Program
 from linkage_ros.formulas import ZERO, Array, Opaque, Real, Vector, total
 from linkage_ros.internals import Model, acting_forces, torque
-from linkage_ros.quantities import build, flatten
+from linkage_ros.quantities import changed, flatten
 
 STATIC = 'inertia'  # term of all inertia forces; without it, weights and loads remain
 _BODY = 'mass', 'inertia', 'center'  # parameters of a link's body
@@ -30,10 +30,7 @@ def _known(mechanism: Mechanism) -> dict[str, tuple[str, ...]]:
     A load is one term with its name or, if that is another term, with the start of the names of
     its parameters.
     """
-    groups = {name: name for name in mechanism.parts()}
-    for dyad in mechanism.dyads:
-        for link in dyad.parts:
-            groups[link] = f'dyads.{dyad.name}.{link.removeprefix(f"{dyad.name}_")}'
+    groups = mechanism.part_groups()
     known = {
         'gravity': ('gravity',),
         STATIC: tuple(f'{group}.inertia' for group in groups.values()),
@@ -71,14 +68,13 @@ def _members(values: Iterable[str], wanted: Iterable[str]) -> set[str]:
 def without(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
     """Returns a copy of a mechanism in which the parameters of some terms are 0."""
     values, known = flatten(mechanism), _known(mechanism)
-    gone = {x for name in names for x in _members(values, known.get(name, (name,)))}
-    left = {name: value for name, value in values.items() if name not in gone}
-    # A part whose values are all left out would be missing.
+    left_out = [own for name in names for own in known.get(name, (name,))]
     zeros: dict[str, object] = {
         name: (0.0, 0.0) if isinstance(values[name], tuple) else 0.0
-        for name in gone if name.endswith(_BODY)
+        for name in _members(values, left_out) if not name.startswith('loads.')
     }  # fmt: skip
-    return build(type(mechanism), {'gravity': (0.0, 0.0)} | left | zeros)
+    loads = tuple(load for load in mechanism.loads if load.label not in left_out)
+    return cast('Mechanism', changed(replace(cast('Any', mechanism), loads=loads), zeros))
 
 
 def with_point_masses(mechanism: Any) -> Mechanism | None:
@@ -93,7 +89,7 @@ def with_point_masses(mechanism: Any) -> Mechanism | None:
     """
     coupler, output = (
         getattr(mechanism, 'coupler', None),
-        mechanism.loop_structure().links[-1].name,
+        mechanism.loop_structure().links[-1].name,  # the name of its part
     )
     if coupler is None or not (coupler.mass and 0 <= coupler.center[0] <= coupler.length):
         return None
@@ -102,7 +98,7 @@ def with_point_masses(mechanism: Any) -> Mechanism | None:
         mechanism,
         crank=_with_mass_at_tip(mechanism.crank, coupler.mass - at_end),
         coupler=replace(coupler, mass=0.0, inertia=0.0),
-        **{output: _with_mass_at_tip(mechanism.parts()[output], at_end)},
+        **{output: _with_mass_at_tip(getattr(mechanism, output), at_end)},
     )
     return found
 
@@ -156,7 +152,7 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
         # At a millionth of the speed, the inertia torque is negligible.
         pace, values = (1e-6 if static else 1.0), flatten(mechanism)
         damped = {x: y / pace for x, y in values.items() if x.endswith('.damping')}  # type: ignore[operator]
-        solver = Solver(build(type(mechanism), values | damped))
+        solver = Solver(changed(mechanism, damped))
 
         def rubbing(angle: float, speed: float) -> tuple[Any]:
             aside = float(beside_change_points(solver, angle))

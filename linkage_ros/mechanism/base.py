@@ -152,6 +152,16 @@ class Mechanism(_FromDrawing):
         found = {name: getattr(self, role) for name, role in zip(names, roles, strict=True)}
         return found | {name: part for dyad in self.dyads for name, part in dyad.parts.items()}
 
+    def part_groups(self) -> dict[str, str]:
+        """Returns the start of the names of each part's parameters, by the link's name."""
+        names = (link.name for link in self._named_loop.links)
+        roles = (link.name for link in self.loop_structure().links)
+        found = dict(zip(names, roles, strict=True))
+        for dyad in self.dyads:
+            words = (f'dyads.{dyad.name}.{word}' for word in dyad.words)
+            found |= dict(zip(dyad.parts, words, strict=True))
+        return found
+
     def loop(self) -> Loop:
         """Returns the kinematic constants in the mechanism's own coordinates."""
         raise NotImplementedError

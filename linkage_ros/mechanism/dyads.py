@@ -115,7 +115,7 @@ class Dyad(Checked):
         rod: Link that slides in the barrel and is pinned to the first end. Its position is
             measured from the foot of the perpendicular from the second end.
         offset: Distance of the rod's axis from the second end, positive to the left of the
-            barrel's direction, m.
+            barrel's direction, m; None without a barrel.
         assembly: 'open' if the joint lies to the left of the line from the first end to the second
             or, with a slider, on the + side of the first end. A barrel has only 'open'.
         names: Names of the two links, and of the pins at the first end, the joint and the second
@@ -138,7 +138,7 @@ class Dyad(Checked):
     rod: Rod | None = None
     offset: float = quantity(
         'number', "distance of the rod's axis from the second end, to the barrel's left", 'm',
-        span=_AT, default=0.0,
+        span=_AT, default=None,
     )  # fmt: skip
     assembly: str = quantity('choice', 'side of the joint', choices=(OPEN, CROSSED), default=OPEN)
     names: tuple[str, ...] = unlisted(())
@@ -160,8 +160,11 @@ class Dyad(Checked):
                 f'{label}.to is for a dyad of two links: leave it out; slider.at and '
                 'slider.angle are the guide'
             )
-        if self.barrel is None and self.offset:
+        given: Any = self.offset
+        if self.barrel is None and given is not None:
             raise ConfigurationError(f'{label}.offset is for a barrel and a rod: leave it out')
+        if self.barrel is not None and given is None:
+            object.__setattr__(self, 'offset', 0.0)
         if self.barrel is not None and self.assembly != OPEN:
             raise ConfigurationError(
                 f'{label}.assembly = {self.assembly!r}: must be {OPEN} with a barrel and a rod'
@@ -178,6 +181,11 @@ class Dyad(Checked):
         """The parts of the two links, by parameter."""
         every = {word: getattr(self, word) for kind in _KINDS for word in kind}
         return {word: part for word, part in every.items() if part is not None}
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The parameters of the parts of the two links, such as ('first', 'second')."""
+        return tuple(self._parts)
 
     @property
     def parts(self) -> dict[str, Any]:

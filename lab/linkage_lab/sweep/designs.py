@@ -31,7 +31,7 @@ def measured(task: Task, designs: Array) -> Array:
         a gas has valves; then the measures, NaN where one does not apply.
     """
     found = np.full((len(designs), 1 + len(task.measures)), math.nan)
-    base = flatten(task.mechanism)
+    base = flatten(task.drawing or task.mechanism)
     for row, design in zip(found, designs.tolist(), strict=True):
         given = dict(zip(task.names, design, strict=True))
         speed = given.pop(SPEED if task.drives_slide else RPM, task.speed or 0.0)
@@ -70,7 +70,7 @@ def _run(task: Task, values: Mapping[str, Any], speed: float) -> Run | int:
         Its run, or the reason why there is none: CANNOT_TURN, REFUSED or REVERSES.
     """
     try:
-        mechanism = build(type(task.mechanism), values)
+        mechanism = build(type(task.drawing or task.mechanism), values).converted()
     except MechanismError:
         return CANNOT_TURN
     except ConfigurationError:

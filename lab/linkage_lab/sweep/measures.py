@@ -62,6 +62,7 @@ class Task(NamedTuple):
         points: Points that the traced point should pass through, x + iy, m.
         way: Motion of the crank; None for whole turns at a constant speed.
         point: Name of the traced point.
+        drawing: The drawing of the base mechanism, whose parameters vary; None without one.
     """
 
     mechanism: Mechanism
@@ -72,6 +73,7 @@ class Task(NamedTuple):
     points: tuple[complex, ...] = ()
     way: Way | None = None
     point: str = ''
+    drawing: Any = None
 
     @property
     def drives_slide(self) -> bool:

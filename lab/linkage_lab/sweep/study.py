@@ -118,7 +118,7 @@ def read_study(path: str) -> Study:
         )
     joint = mechanism.structure().driven_link
     speed = _speed(settings, configuration.drive, joint)
-    columns = _columns(groups, mechanism, speed)
+    columns = _columns(groups, configuration.given or mechanism, speed)
     constraints = {
         name: _span(f'constraints.{name}', value, _NUMBER)
         for name, value in groups['constraints'].items()
@@ -134,7 +134,9 @@ def read_study(path: str) -> Study:
     way = _way(settings, configuration.drive, joint)
     point = _point(settings, mechanism)
     chosen = tuple(dict.fromkeys(measures))
-    task = Task(mechanism, speed, names, chosen, settings.angles, places, way, point)
+    task = Task(
+        mechanism, speed, names, chosen, settings.angles, places, way, point, configuration.given
+    )  # fmt: skip
     for name in measures:
         if not MEASURES[name].applies(task):
             raise ConfigurationError(f'measure {name}: needs {MEASURES[name].words}')
@@ -226,7 +228,7 @@ def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
 
 
 def _columns(
-    groups: Mapping[str, Mapping[str, Any]], mechanism: Mechanism, speed: float | None
+    groups: Mapping[str, Mapping[str, Any]], mechanism: Any, speed: float | None
 ) -> list[Leaf]:
     """Returns the parameters in which designs differ, with their ranges.
 
@@ -289,8 +291,13 @@ def _span(name: str, value: object, allowed: Quantity) -> tuple[float, float]:
     return low, high
 
 
-def parameters(mechanism: Mechanism, speed: float | None) -> Iterator[Leaf]:
-    """Yields the parameters that can vary, with the values of the base as defaults."""
+def parameters(mechanism: Any, speed: float | None) -> Iterator[Leaf]:
+    """Yields the parameters that can vary, with the values of the base as defaults.
+
+    Args:
+        mechanism: The base mechanism, or its drawing.
+        speed: Speed of the driven joint, rpm or m/s; None if there is none.
+    """
     values: dict[str, Any] = flatten(mechanism)
     for name, allowed, _ in leaves(type(mechanism), values=values):
         group = name.partition('.')[0]
@@ -300,7 +307,7 @@ def parameters(mechanism: Mechanism, speed: float | None) -> Iterator[Leaf]:
             elif allowed.kind == 'pair':
                 yield from (Leaf(f'{name}.{i}', allowed, x) for i, x in enumerate(values[name]))
     if speed is not None:
-        name = SPEED if mechanism.structure().driven_link.slides else RPM
+        name = SPEED if mechanism.converted().structure().driven_link.slides else RPM
         yield from (leaf._replace(default=speed) for leaf in leaves(Settings) if leaf.name == name)
 
 
