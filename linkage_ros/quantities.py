@@ -123,6 +123,8 @@ class Quantity:
         text = texts[0]
         if self.kind == 'number' and (hint := _comma_hint(text)):
             return hint
+        if self.kind in {'pair', 'list'} and text.startswith('['):  # as of `ros2 param set`
+            return '; do not mix whole numbers with others: [0.0, -9.81]'
         degrees = _MISSPELT_DEGREES.fullmatch(text)
         if not self._is_angle:
             return '; only angles in rad may be given in degrees' if degrees else ''

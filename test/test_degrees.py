@@ -61,6 +61,7 @@ def test_decimal_is_rounded_once(degrees):
         ('rad/s', 'number', '85deg', 'only angles in rad'),
         ('m', 'pair', ['1deg', '2deg'], 'only angles in rad'),
         ('', 'whole', '85deg', 'only angles in rad'),
+        ('m/s^2', 'pair', '[0, -9.81]', 'do not mix whole numbers'),
     ],
 )
 def test_other_texts_and_quantities_are_refused_with_a_hint(unit, kind, value, hint):
@@ -146,6 +147,20 @@ def test_study_takes_degrees_for_angles_alone(tmp_path):
     assert frame.high - frame.low == pytest.approx(math.pi / 90, rel=1e-12)
     with pytest.raises(ConfigurationError, match=r'tolerances\.crank\.length = .* only angles'):
         columns('tolerances: {crank.length: 1deg}\nrpm: 60')
+
+
+@pytest.mark.parametrize(
+    'line', ['swing: [1deg, 2deg]', 'ranges: {loads.cylinder.rest: [1deg, 2deg]}',
+             'tolerances: {loads.cylinder.rest: 1deg}'],
+)  # fmt: skip
+def test_study_of_a_cylinder_takes_no_degrees_for_its_positions(tmp_path, line):
+    path = tmp_path / 'study.yaml'
+    ranges = '' if 'rest' in line else 'ranges: {crank.mass: [1, 1.5]}\n'
+    path.write_text(f'{STUDY.format("excavator")}{ranges}speed: 0.1\n{line}\n')
+    with pytest.raises(
+        ConfigurationError, match=r'deg: must be in m, because the (rod|cylinder) slides'
+    ):
+        read_study(str(path))
 
 
 FILE = """/**:

@@ -68,7 +68,7 @@ def _angles(configuration: Configuration) -> Iterator[str]:
         if is_angle and isinstance(value, float) and abs(value) > 2 * math.pi:
             yield (
                 f'{name} = {value:g} rad = {math.degrees(value) % 360:.4g} deg after whole turns; '
-                f'did you mean {value:g} deg = {math.radians(value):.4g} rad?'
+                f'did you mean {value:g}deg = {math.radians(value):.4g} rad?'
             )
 
 
