@@ -30,8 +30,10 @@ from linkage_ros.units import NS_PER_S
 ROOT_FRAME = 'base_link'
 QUANTITIES = ('position', 'velocity', 'acceleration', 'effort')
 
-# A trajectory point: four sequences of one number each, aligned to 8 bytes, and a duration.
+# A trajectory point that begins at a multiple of 8 bytes and ends at one: four sequences of one
+# number each (length, padding to a multiple of 8, number), and a duration, s and ns.
 _POINT = struct.Struct('<' + 4 * 'I4xd' + 'iI')
+_LENGTH, _LENGTH_AND_PADDING = 4, 8  # bytes
 
 
 def joint_numbers(names: Sequence[str]) -> list[str]:
@@ -39,9 +41,9 @@ def joint_numbers(names: Sequence[str]) -> list[str]:
     return [f'{quantity}[{name}]' for quantity in QUANTITIES for name in names]
 
 
-def _named(names: Sequence[str], frame_id: str) -> bytes:
+def _named(names: Sequence[str], frame_id: str, stamp: int = 0) -> bytes:
     """Encodes a header and joint names, aligned to 4 bytes, without encapsulation."""
-    body = count(header(frame_id), len(names))
+    body = count(header(frame_id, stamp), len(names))
     for name in names:
         body = string(body, name)
     return align(body, 4)
@@ -58,13 +60,13 @@ def _sequences(body: bytes, names: Sequence[str], quantities: Iterable[str]) -> 
     Yields:
         Constant bytes and fields.
     """
-    constant = body[STAMP.size :]
     yield from (ENCAPSULATION, *STAMP_FIELDS)
-    gap = -(len(body) + 4) % 8
+    length, before_length = count(b'', len(names)), body[STAMP.size :]
+    padding = -(len(body) + len(length)) % 8  # numbers are aligned to 8 bytes
     for quantity in quantities:
-        yield constant + count(b'', len(names)) + bytes(gap)
+        yield before_length + length + bytes(padding)
         yield from (Field(f'{quantity}[{name}]', 'd') for name in names)
-        constant, gap = b'', 4  # after doubles and the length
+        before_length, padding = b'', 4  # the next length follows a number
 
 
 def joint_state(names: Sequence[str], frame_id: str) -> list[Part]:
@@ -85,9 +87,9 @@ def point_numbers(name: str) -> list[str]:
 
 def point(name: str, frame_id: str) -> list[Part]:
     """Returns the template of a PointStamped message with z = 0, of a traced point."""
-    body = align(header(frame_id), 8)[STAMP.size :]
+    rest_of_header = align(header(frame_id), 8)[STAMP.size :]
     fields = (Field(number, 'd') for number in point_numbers(name))
-    return [ENCAPSULATION, *STAMP_FIELDS, body, *fields, bytes(8)]
+    return [ENCAPSULATION, *STAMP_FIELDS, rest_of_header, *fields, bytes(8)]
 
 
 def float64(name: str) -> list[Part]:
@@ -223,15 +225,21 @@ def crank_trajectory(
     Returns:
         The CDR bytes of the message, whose stamp is that of the first point.
     """
-    start = next(iter(points))[0]
-    body = count(_named([name], frame_id), len(points))[STAMP.size :]
-    packed = b''.join(
-        _POINT.pack(
-            1, p + 0.0, 1, v + 0.0, 1, a + 0.0, 1, e + 0.0, *divmod(time - start, NS_PER_S)
-        )
-        for time, (p, v, a, e) in points
-    )
-    # The padding before the first number depends on the name; all later offsets are fixed.
-    gap = -(STAMP.size + len(body) + 4) % 8
-    first = packed[:4] + packed[8 - gap :]
-    return ENCAPSULATION + STAMP.pack(*divmod(start, NS_PER_S)) + body + first
+    start, _ = next(iter(points))
+    before_points = count(_named([name], frame_id, start), len(points))
+    encoded = b''.join(_trajectory_point(time - start, values) for time, values in points)
+    if len(before_points) % 8:
+        # The first length, 4 bytes after a multiple of 8, needs no padding. All later offsets are
+        # as in `_POINT`.
+        encoded = encoded[:_LENGTH] + encoded[_LENGTH_AND_PADDING:]
+    return ENCAPSULATION + before_points + encoded
+
+
+def _trajectory_point(time_from_start: int, values: Sequence[float]) -> bytes:
+    """Encodes a point of one joint, ns and values as in `crank_trajectory`, without -0.0."""
+    position, velocity, acceleration, effort = values
+    one = 1  # length of each sequence
+    return _POINT.pack(
+        one, position + 0.0, one, velocity + 0.0, one, acceleration + 0.0, one, effort + 0.0,
+        *divmod(time_from_start, NS_PER_S),
+    )  # fmt: skip
