@@ -20,10 +20,11 @@ from linkage_ros.units import NS_PER_S
 _EXACT = Context(prec=50)
 _TURN = Decimal(TURN.numerator) / Decimal(TURN.denominator)
 
-# Second derivatives of the energy of a polynomial of length 1 by its rates at both ends or, for a
-# quintic, by rate and acceleration at its start, then at its end; and by its rise. A cubic spline
-# has the least integral of the squared second derivative, a quintic spline that of the third. The
-# keys are the numbers of slopes at a point.
+# A spline minimizes the integral over time of a squared derivative: of the second one for a cubic,
+# of the third one for a quintic. Half this integral is called energy here. Over a polynomial of
+# length 1, it is a quadratic form of the slopes (the rate and, for a quintic, the acceleration) at
+# the start, those at the end, and the rise. Each row has the factors of these in the derivative of
+# the energy with respect to one of the slopes. The keys are the numbers of slopes at a point.
 _ENERGY = {
     1: (
         (4, 2, -6),
@@ -36,14 +37,15 @@ _ENERGY = {
         (-24, -3, -36, 9, 60),
     ),
 }  # fmt: skip
-# Coefficients of s^2 and s^3, or of s^3 to s^5, of a polynomial of length 1, by its rise; then as
-# above. They are doubled.
-_ROWS = {
+# Twice the coefficients of s^2 and s^3, or of s^3 to s^5, of a polynomial of length 1. Each row is
+# multiplied by the rise, the slopes at the start and those at the end.
+_COEFFICIENTS = {
     1: ((6, -4, -2), (-4, 2, 2)),
     2: ((20, -12, -3, -8, 1), (-30, 16, 3, 14, -2), (12, -6, -1, -6, 1)),
 }
 # Rates and, for a quintic, accelerations at a point.
 _Slopes: TypeAlias = tuple[Decimal, ...]
+_Matrix: TypeAlias = dict[int, dict[int, Decimal]]  # entries by row and column
 
 
 def interpolated(
@@ -82,16 +84,19 @@ def interpolated(
             for (begin, end), rise in zip(pairwise(times), _steps(given), strict=True)
         ]
         if slopes is not None:
-            found = [tuple(map(Decimal, each)) for each in slopes]
+            at_points = [tuple(map(Decimal, each)) for each in slopes]
         else:
             zero = (0.0,) if cubic else (0.0, 0.0)
             ends = None if repeat else (start or zero, zero)
-            found = _smooth(pieces, len(zero), ends)
+            at_points = _smooth(pieces, len(zero), ends)
         rows = [
-            _row(angle, *piece, *sides)
-            for angle, piece, sides in zip(given, pieces, pairwise(found), strict=False)
+            _row(angle, length, rise, before, after)
+            for angle, (length, rise), (before, after) in zip(
+                given[:-1], pieces, pairwise(at_points), strict=True
+            )
         ]
-        if not repeat and not found[-1][0]:
+        ends_at_rest = not at_points[-1][0]
+        if ends_at_rest and not repeat:
             rows.append((angles[-1],))
     return Spline(tuple(times), tuple(rows), turns)
 
@@ -132,11 +137,17 @@ def _row(
 ) -> tuple[float, ...]:
     """Returns the coefficients of the polynomial with given rise and slopes at both ends."""
     size = len(start)
-    scaled = [rise, *(x * length**n for side in (start, end) for n, x in enumerate(side, 1))]
-    found = [angle, start[0], *(x / 2 for x in start[1:])]
-    for n, row in enumerate(_ROWS[size], size + 1):
-        found.append(sum(map(operator.mul, row, scaled), Decimal()) / (2 * length**n))
-    return tuple(map(float, found))
+    # For a length of 1, a slope is multiplied by length^order; order 1 is the rate.
+    scaled = [
+        rise,
+        *(x * length**order for side in (start, end) for order, x in enumerate(side, 1)),
+    ]
+    rate, *acceleration = start
+    coefficients = [angle, rate, *(x / 2 for x in acceleration)]
+    for power, factors in enumerate(_COEFFICIENTS[size], size + 1):
+        doubled = sum(map(operator.mul, factors, scaled), Decimal())
+        coefficients.append(doubled / (2 * length**power))
+    return tuple(map(float, coefficients))
 
 
 def _smooth(
@@ -158,49 +169,62 @@ def _smooth(
     """
     last = len(pieces)
     count = (last if ends is None else last + 1) * size
-    known = {}
-    for first, slopes in zip((0, last * size), ends or (), strict=False):
-        known.update({first + n: Decimal(x) for n, x in enumerate(slopes)})
-    matrix, right = _system(pieces, size, count, known)
-    order = sorted(matrix)
-    for key in order:
-        pivot, later = matrix[key][key], {x: y for x, y in matrix[key].items() if x > key}
-        for other, entry in later.items():
-            share, row = entry / pivot, matrix[other]
-            for column, value in later.items():
-                row[column] -= share * value
-            right[other] -= share * right[key]
-    for key in reversed(order):
-        for other, entry in matrix[key].items():
-            if other > key:
-                right[key] -= entry * known[other]
-        known[key] = right[key] / matrix[key][key]
-    return [tuple(known[(i * size + n) % count] for n in range(size)) for i in range(last + 1)]
+    known = dict[int, Decimal]()
+    if ends is not None:
+        first_slopes, last_slopes = ends
+        known |= {n: Decimal(x) for n, x in enumerate(first_slopes)}
+        known |= {last * size + n: Decimal(x) for n, x in enumerate(last_slopes)}
+    slopes = known | _solved(*_system(pieces, size, count, known))
+    return [tuple(slopes[(i * size + n) % count] for n in range(size)) for i in range(last + 1)]
 
 
 def _system(
     pieces: Sequence[tuple[Decimal, Decimal]], size: int, count: int, known: dict[int, Decimal]
-) -> tuple[dict[int, dict[int, Decimal]], dict[int, Decimal]]:
+) -> tuple[_Matrix, dict[int, Decimal]]:
     """Returns matrix and right-hand side for the slopes that are not known; see `_smooth`.
 
-    The slopes of all points are numbered, modulo `count`.
+    Each row sets the derivative of the spline's energy with respect to a slope to 0. The slopes of
+    all points are numbered, modulo `count`.
     """
-    matrix: dict[int, dict[int, Decimal]] = defaultdict(lambda: defaultdict(Decimal))
+    matrix: _Matrix = defaultdict(lambda: defaultdict(Decimal))
     right: dict[int, Decimal] = defaultdict(Decimal)
-    powers = 2 * [*range(1, size + 1)]
+    orders = 2 * [*range(1, size + 1)]  # of the derivatives at start and end; 1 is the rate
     for i, (length, rise) in enumerate(pieces):
-        keys = [(i * size + n) % count for n in range(2 * size)]
-        scales = [
-            *accumulate(2 * size * [length], operator.mul, initial=1 / length ** (2 * size + 1))
-        ]
-        for key, power, row in zip(keys, powers, _ENERGY[size], strict=True):
-            if key in known:
+        numbers = [(i * size + n) % count for n in range(2 * size)]  # of the slopes
+        # The energy is that for a length of 1, for which slopes are multiplied by length^order,
+        # times `energy_scale`.
+        energy_scale = 1 / length ** (2 * size + 1)
+        powers = accumulate([length] * (2 * size), operator.mul, initial=energy_scale)
+        scales = [*powers]  # energy_scale * length^0, 1, ..., 2 size
+        for row, order, factors in zip(numbers, orders, _ENERGY[size], strict=True):
+            if row in known:
                 continue
-            right[key] -= row[-1] * rise * scales[power]
-            for other, second, factor in zip(keys, powers, row, strict=False):
-                term = factor * scales[power + second]
-                if other in known:
-                    right[key] -= term * known[other]
+            *of_slopes, of_rise = factors
+            right[row] -= of_rise * rise * scales[order]
+            for column, other_order, factor in zip(numbers, orders, of_slopes, strict=True):
+                entry = factor * scales[order + other_order]
+                if column in known:
+                    right[row] -= entry * known[column]
                 else:
-                    matrix[key][other] += term
+                    matrix[row][column] += entry
     return matrix, right
+
+
+def _solved(matrix: _Matrix, right: dict[int, Decimal]) -> dict[int, Decimal]:
+    """Solves a symmetric positive definite system by elimination; changes its arguments."""
+    order = sorted(matrix)
+    for k in order:
+        pivot = matrix[k][k]
+        later = {column: entry for column, entry in matrix[k].items() if column > k}
+        for row, entry in later.items():  # by symmetry, also the entry of column k in this row
+            share = entry / pivot
+            for column, value in later.items():
+                matrix[row][column] -= share * value
+            right[row] -= share * right[k]
+    solution = dict[int, Decimal]()
+    for row in reversed(order):
+        for column, entry in matrix[row].items():
+            if column > row:
+                right[row] -= entry * solution[column]
+        solution[row] = right[row] / matrix[row][row]
+    return solution
