@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from test_dyads import random_structure
 
-from linkage_ros import ConfigurationError, Force, Friction, Solver, Spring
+from linkage_ros import ConfigurationError, Force, Friction, MechanismError, Solver, Spring
 from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.drawing import (
     UNITS,
@@ -132,7 +132,7 @@ def test_a_drawn_machine_moves_as_the_machine_it_was_drawn_from(seed):
 
 
 def unsolvable(drawing, rng):
-    """Returns a drawing that is no loop with dyads, and the words of its refusal."""
+    """Returns changes that leave no loop with dyads, and the words of the refusal."""
     links, pins, frame = list(drawing.links), dict(drawing.pins), drawing.frame
     kind = rng.choice(['strut', 'loose', 'triad'])
     if kind == 'strut':  # between two links
@@ -143,12 +143,12 @@ def unsolvable(drawing, rng):
             replace(x, pins=(*x.pins, changed[x.name])) if x.name in changed else x for x in links
         ]
         links.append(DrawnLink('strut', ['X', 'W']))
-        words = 'cannot move|no two of these|no loop'
+        words = 'nothing can move|no two of these|no loop|joins|neither can'
     elif kind == 'loose':  # a link that hangs from another
         links.append(DrawnLink('loose', ['X', 'W']))
         pins |= {'X': (3.1, 0.3), 'W': (2.9, -0.8)}
         links[0] = replace(links[0], pins=(*links[0].pins, 'X'))
-        words = 'loose: no two of these .* 2 degrees of freedom, where 1 is needed'
+        words = 'links.loose is joined to the others at X alone'
     else:  # a link that three others hold
         pins |= {f'P{i}': (3 + i, 0.3 * i * i) for i in range(3)}
         pins |= {f'Q{i}': (4 + 0.5 * i, 5 - i * i) for i in range(3)}
@@ -158,7 +158,7 @@ def unsolvable(drawing, rng):
         links[0] = replace(links[0], pins=(*links[0].pins, 'P0'))
         words = 'leg0, leg1, leg2, platform: no two of these .* 1 degree of freedom'
     rng.shuffle(links)
-    return replace(drawing, links=links, pins=pins, frame=frame), words
+    return {'links': links, 'pins': pins, 'frame': frame}, words
 
 
 @pytest.mark.parametrize('seed', range(STRUCTURES // 4))
@@ -166,9 +166,9 @@ def test_a_drawing_that_is_no_loop_with_dyads_is_refused_with_its_links(seed):
     rng = random.Random(seed)
     mechanism, q, *_ = random_machine(seed)
     sound, _ = drawn(mechanism, q, rng)
-    drawing, words = unsolvable(sound, rng)
+    changes, words = unsolvable(sound, rng)
     with pytest.raises(ConfigurationError, match=words):
-        drawing.mechanism()
+        replace(sound, **changes).mechanism()
 
 
 # ---------------------------------------------------------------- one machine
@@ -319,7 +319,24 @@ REFUSED = {
     'input not on the frame': ({'input': 'coupler'}, 'exactly one fixed pin, and has no fixed'),
     'input on two pins': (
         {'links': {**LINKS, 'crank': {'pins': ['O', 'A', 'G']}}}, 'has O and G'),
-    'a frame pin missing': ({'frame': ['O', 'G']}, 'no loop'),
+    'a frame pin missing': ({'frame': ['O', 'G']}, 'rocker is joined to the others at B alone'),
+    'a fixed pin of a slide': ({'frame': ['O', 'Q', 'G', 'S']}, 'take S out of drawing.frame'),
+    'a frame as a link': ({'links': {**LINKS, 'bed': {'pins': ['O', 'Q']}}}, 'bed has O and Q of'),
+    'a coupler on a fixed pin': (
+        {'links': {**LINKS, 'coupler': {'pins': ['A', 'Q', 'P']}}},
+        'coupler joins crank at A to the fixed pin Q'),
+    'two links on two pins': (
+        {'links': {**LINKS, 'plate': {'pins': ['B', 'S']}}}, 'share the pins B and S'),
+    'a cylinder on one pin': (
+        {'cylinders': {'gas': {'from': 'P', 'to': 'P'}}}, 'one pin twice: P, P'),
+    'masses of a spring': (
+        {'cylinders': {'gas': {**CYLINDERS['gas'], 'rod': {'mass': 1.0, 'center': [1.0, 1.0]}}}},
+        'gas.rod: only the input has'),
+    'a length that cannot close': (
+        {'links': {**LINKS, 'rocker': {'pins': ['B', 'Q'], 'length': 900.0}}},
+        'the longest link, rocker, 0.9 m'),
+    'three coordinates': ({'pins': {**PINS, 'A': (30.0, 40.0, 0.0)}}, 'must be two numbers'),
+    'an unknown unit': ({'units': 'milli'}, 'must be one of m, cm, mm, in'),
     'a slide without a direction': (
         {'slides': {'ram': {'pin': 'S', 'direction': [0.0, 0.0]}}}, 'must be a direction'),
     'a slide without a pin': ({'slides': {'ram': {'direction': [1.0, 0.0]}}}, 'give pin, or pins'),
@@ -337,16 +354,58 @@ REFUSED = {
     'a center of a slide of the frame': (
         {'slides': {'ram': {**SLIDES['ram'], 'center': [1.0, 1.0]}}}, 'it is the pin'),
     'a link held twice': (
-        {'links': {**LINKS, 'bar': {'pins': ['P', 'G']}}}, 'is held at'),
-    'links in line': (
+        {'links': {**LINKS, 'bar': {'pins': ['P', 'G']}}}, 'nothing can move'),
+    'a rod across its slide': (
         {'pins': {**PINS, 'S': (260.0, 90.0)}, 'links': LINKS,
-         'slides': {'ram': {**SLIDES['ram'], 'direction': [0.0, 1.0]}}}, 'in line at S'),
+         'slides': {'ram': {**SLIDES['ram'], 'direction': [0.0, 1.0]}}},
+        'conrod is at right angles to the line of ram'),
+    'a link that hangs': (
+        {'links': {**LINKS, 'end': {'pins': ['S', 'W']}}, 'pins': {**PINS, 'W': (400.0, 50.0)}},
+        'end is joined to the others at S alone'),
     'two degrees of freedom': (
-        {'links': {**LINKS, 'far': {'pins': ['S', 'Z']}, 'end': {'pins': ['Z', 'W']}},
-         'pins': {**CROSSED, 'W': (400.0, 50.0)}}, 'degrees of freedom'),
+        {'links': {**LINKS, 'far': {'pins': ['S', 'Z']}, 'mid': {'pins': ['Z', 'V']},
+                   'end': {'pins': ['V', 'W']}},
+         'frame': ['O', 'Q', 'G', 'W'],
+         'pins': {**CROSSED, 'V': (350.0, 60.0), 'W': (400.0, 50.0)}},
+        'end, far, mid: .* 2 degrees of freedom, where 1 is needed'),
+    'a dyad out of reach': (
+        {'slides': {'ram': {**SLIDES['ram'], 'direction': [0.2, 1.0]}}},
+        'conrod and ram do not close at .*; change lengths or ends of conrod and ram'),
     'no freedom': (
-        {'links': {**LINKS, 'strut': {'pins': ['A', 'Q']}}}, 'strut is held at A and Q'),
+        {'links': {**LINKS, 'strut': {'pins': ['A', 'Q']}}}, 'strut joins crank and frame at A'),
 }  # fmt: skip
+
+
+def test_a_dyad_that_comes_in_line_with_a_parallelogram_is_refused():
+    links = {'crank': 'OA', 'rod': 'AB', 'wheel': 'QB', 'second_rod': 'BC', 'last_wheel': 'RC'}
+    pins = {
+        'O': (0, 0),
+        'Q': (100, 0),
+        'R': (200, 0),
+        'A': (0, 30),
+        'B': (100, 30),
+        'C': (200, 30),
+    }
+    drawing = Drawing(
+        units='mm', input='crank', frame=[*'OQR'], pins=pins,
+        links=[DrawnLink(name, [*of]) for name, of in links.items()],
+    )  # fmt: skip
+    words = 'last_wheel and second_rod are in line .* crank, rod, wheel, may turn'
+    with pytest.raises(MechanismError, match=words):
+        Solver(drawing.mechanism()).reach  # noqa: B018
+
+
+def test_a_limited_input_is_named():
+    with pytest.raises(
+        ConfigurationError, match=r'lever of this .*: bar \+ arm - frame - lever .* shorten lever'
+    ) as error:
+        configure(values(
+            links={'lever': {'pins': ['O', 'A']}, 'bar': {'pins': ['A', 'B']},
+                   'arm': {'pins': ['B', 'Q']}},
+            pins={**without(PINS, 'P', 'S', 'G'), 'A': (60.0, 80.0)}, input='lever',
+            frame=['O', 'Q'], slides={}, cylinders={},
+        ))  # fmt: skip
+    assert 'crank' not in str(error.value).replace('-crank', '')
 
 
 @pytest.mark.parametrize('mistake', REFUSED)

@@ -284,7 +284,10 @@ def test_existing_file_is_kept_unless_overwrite_is_set(called, out):
 
 
 BAD_FILES = {
-    'crank too long': (lengths(9.0, 1.0, 1.0, 1.0), r'longest link, 9 m, .* the loop cannot clo'),
+    'crank too long': (
+        lengths(9.0, 1.0, 1.0, 1.0),
+        r'longest link, the crank, 9 m, .* the loop cannot clo',
+    ),
     'crank stopped': (
         lengths(2.0, 2.0, 2.1, 2.3),
         # 360 -+ cos^-1((2^2 + 2.3^2 - 4.1^2) / (2 2 2.3))

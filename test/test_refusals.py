@@ -153,8 +153,8 @@ LINES = [
      ("'rocker.length' is not a parameter of a slider_crank: only a four_bar has rocker; leave it "
      'out')),
     (lambda: configure(parameters(FOUR, (9, 1, 1, 1))),
-     ('the longest link, 9 m, is longer than the other three together by 6 m: the loop cannot '
-     'close; shorten it or lengthen the others')),
+     ('the longest link, the crank, 9 m, is longer than the other three together by 6 m: the loop '
+     'cannot close; shorten it or lengthen the others')),
     (lambda: configure(parameters(SLIDER, (1, 2, 3.5))),
      ('the offset of the slider, 3.5 m, is farther from 0 than crank + coupler, by 0.5 m: the '
       'loop cannot close; bring the offset nearer to 0, or lengthen crank or coupler')),

@@ -4,11 +4,12 @@
 
 import functools
 import itertools
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NamedTuple, cast
 
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.mechanism.dyad_reach import stroke_of
 from linkage_ros.mechanism.dyads import Chain, Dyad, ordered
 from linkage_ros.mechanism.kinematics import Loop, Reach, Stroke
@@ -88,7 +89,10 @@ class Mechanism(_FromDrawing):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.require_closed()
+        try:
+            self.require_closed()
+        except MechanismError as error:
+            raise MechanismError(self.in_own_names(str(error))) from None
         if self.dyads:
             links = [link.name for link in self._named_loop.links]
             object.__setattr__(self, 'dyads', ordered(self.dyads, links))
@@ -123,6 +127,15 @@ class Mechanism(_FromDrawing):
     def converted(self) -> 'Mechanism':
         """Returns the mechanism; a drawing, which has this method too, is converted to one."""
         return self
+
+    def in_own_names(self, text: str) -> str:
+        """Returns a text about crank, coupler and so on with the names of the drawing, if any."""
+        if self.drawn is None:
+            return text
+        roles = (link.name for link in self.loop_structure().links)
+        names = dict(zip(roles, self.drawn.links, strict=True))
+        return re.sub(r'(?:\bthe )?(?<![\w-])(\w+)(?![\w-])',
+                      lambda found: names.get(found[1], found[0]), text)  # fmt: skip
 
     def require_closed(self) -> None:
         """Rejects lengths with which the loop cannot close."""

@@ -8,8 +8,10 @@ the coordinates and rounded once, so that a drawn parallelogram is one. The asse
 the drawn position.
 """
 
+import itertools
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -242,18 +244,16 @@ def _check(drawing: Drawing) -> None:
     Raises:
         ConfigurationError: There is one or more; the message has all.
     """
-    mistakes = Mistakes()
-    for problem in (
-        *_bad_names(drawing),
-        *_bad_input(drawing),
-        *_bad_lists(drawing),
-        *_bad_pins(drawing),
-        *_bad_slides(drawing),
-        *_bad_centers(drawing),
-    ):
-        with mistakes:
-            raise ConfigurationError(problem)
-    mistakes.check()
+    checks = (
+        (_bad_names, _bad_input, _bad_lists, _bad_pins, _bad_slides, _bad_cylinders, _bad_centers),
+        (_rigid_pairs, _loose_parts),  # a misspelt pin would leave others loose
+    )
+    for each in checks:
+        mistakes = Mistakes()
+        for problem in (problem for find in each for problem in find(drawing)):
+            with mistakes:
+                raise ConfigurationError(problem)
+        mistakes.check()
 
 
 def _parts(drawing: Drawing) -> Iterator[tuple[str, Any, tuple[str, ...]]]:
@@ -335,6 +335,61 @@ def _bad_slides(drawing: Drawing) -> Iterator[str]:
         if slide.on != FRAME and (slide.on not in bodies or slide.on == slide.name):
             others = [name for name in bodies if name != slide.name]
             yield f'{label}.on = {shown(slide.on)}: must be one of {listed([FRAME, *others])}'
+        for pin in {*slide.all_pins} & {*drawing.frame} if slide.on == FRAME else ():
+            yield f'{label} has the fixed pin {pin}: take {pin} out of drawing.frame'
+
+
+def _bad_cylinders(drawing: Drawing) -> Iterator[str]:
+    for cylinder in drawing.cylinders:
+        masses = {'barrel': cylinder.barrel, 'rod': cylinder.rod}
+        heavy = [name for name, part in masses.items() if part.mass or part.inertia]
+        if heavy and cylinder.name != drawing.input:
+            yield (
+                f'drawing.cylinders.{cylinder.name}.{" and ".join(heavy)}: only the input has a '
+                'barrel and a rod with masses; leave them out, or draw a link, and a slide on it'
+            )
+
+
+def _rigid_pairs(drawing: Drawing) -> Iterator[str]:
+    """Yields links that two pins join to one, and links on two fixed pins."""
+    for link in drawing.links:
+        fixed = [pin for pin in link.pins if pin in drawing.frame]
+        if len(fixed) > 1:
+            yield (
+                f'drawing.links.{link.name} has {" and ".join(fixed)} of drawing.frame, so that '
+                'it cannot move: correct its pins or drawing.frame, or leave it out'
+            )
+    for one, other in itertools.combinations(drawing.links, 2):
+        common = [pin for pin in one.pins if pin in other.pins]
+        if len(common) > 1:
+            yield (
+                f'{one.name} and {other.name} share the pins {" and ".join(common)}, so that '
+                'they are one rigid link: give both as one link, or leave out a pin'
+            )
+
+
+def _loose_parts(drawing: Drawing) -> Iterator[str]:
+    """Yields links and slides that fewer than two joints hold."""
+    moving = [
+        (label, part, pins)
+        for label, part, pins in _parts(drawing)
+        if not isinstance(part, DrawnCylinder) or part.name == drawing.input
+    ]
+    counts = Counter([*drawing.frame, *(pin for _, _, pins in moving for pin in pins)])
+    for label, part, pins in moving:
+        if isinstance(part, DrawnCylinder):
+            continue
+        joined = [pin for pin in pins if counts[pin] > 1]
+        single = [pin for pin in pins if pin not in joined]
+        joints = len(joined) + isinstance(part, DrawnSlide)
+        joints += sum(slide.on == part.name for slide in drawing.slides)
+        if joints < 2:
+            held = f'at {joined[0]} alone' if joined else 'nowhere'
+            yield (
+                f'{label} is joined to the others {held}: no other link has its '
+                f'{" or ".join(single)}; add {"it" if len(single) == 1 else "one"} to another '
+                'link or to drawing.frame, or leave this one out'
+            )
 
 
 def _bad_centers(drawing: Drawing) -> Iterator[str]:

@@ -365,17 +365,8 @@ class Conversion:
         return cast('Dyad', make())
 
     def pairs(self, first: _Body, last: _Body, held: list[str]) -> Iterator[tuple[str, Any]]:
-        """Yields the name of the dyad of two bodies, if it is one, and a function to make it.
-
-        Raises:
-            ConfigurationError: Two pins join the bodies to one.
-        """
+        """Yields the name of the dyad of two bodies, if it is one, and a function to make it."""
         common = [pin for pin in first.pins if pin in last.pins and not self.carrier(pin)]
-        if not first.on and not last.on and len(common) > 1:
-            raise ConfigurationError(
-                f'{first.name} and {last.name} share the pins {" and ".join(common)}, so that '
-                'they are one rigid link: give both as one link, or leave out a pin'
-            )
         name = f'{first.name}__{last.name}'
         ends = [pin for pin in last.pins if self.carrier(pin)]
         if len(held) != 1 or first.on:
@@ -401,7 +392,9 @@ class Conversion:
         self.turn(last, end, joint)
         apart, near = self.at[end].minus(self.at[start]), self.at[joint].minus(self.at[start])
         far = self.at[joint].minus(self.at[end])
-        self.require_side(near.cross(far), near, far, (first, last), joint)
+        self.require_side(
+            near.cross(far), near, far, f'{first.name} and {last.name} are in line at {joint}'
+        )
         return Dyad(
             name=name, from_=from_, from_at=from_at, to=to, to_at=to_at,
             first=self.body(first), second=self.body(last),
@@ -419,7 +412,10 @@ class Conversion:
         if guide is not None and line.minus(origin).dot(way) < 0:
             way = Exact(-way.x, -way.y)
         near = self.at[joint].minus(self.at[start])
-        self.require_side(near.dot(way), near, way, (first, last), joint)
+        self.require_side(
+            near.dot(way), near, way,
+            f'at {joint}, {first.name} is at right angles to the line of {last.name}',
+        )  # fmt: skip
         zero = origin.foot(line, way).plus(self.at[joint].minus(line))
         self.axes[last.name] = _Axes(self.at[joint], way)
         at, angle = zero.rounded, way.angle
@@ -443,7 +439,10 @@ class Conversion:
         arm, way = self.at[start].minus(self.at[end]), rod.way
         if arm.dot(way) < 0:
             way = Exact(-way.x, -way.y)
-        self.require_side(arm.dot(way), arm, way, (barrel, rod), start)
+        self.require_side(
+            arm.dot(way), arm, way,
+            f'{start} and {end} are at right angles to the line of {rod.name} on {barrel.name}',
+        )  # fmt: skip
         self.axes[barrel.name] = _Axes(self.at[end], way)
         self.axes[rod.name] = _Axes(self.at[start], way)
         return Dyad(
@@ -453,20 +452,17 @@ class Conversion:
             names=(barrel.name, rod.name, *joints),
         )  # fmt: skip
 
-    def require_side(
-        self, area: Fraction, first: Exact, last: Exact, bodies: tuple[_Body, _Body], joint: str
-    ) -> None:
+    def require_side(self, area: Fraction, first: Exact, last: Exact, where: str) -> None:
         """Rejects a dyad whose drawn position does not tell its assembly.
 
         Raises:
-            ConfigurationError: The two links are in line.
+            ConfigurationError: The sine of two directions, with this product, is nearly 0.
         """
         sine = over_root(area, first.dot(first) * last.dot(last))
         if abs(sine) < _LEAST_SINE_OF_DYAD:
-            names = ' and '.join(body.name for body in bodies)
             raise ConfigurationError(
-                f'{names} are in line at {joint} as drawn, so that the drawing does not tell '
-                'their assembly; draw the machine at another position'
+                f'{where} as drawn, so that the drawing does not tell on which side they are '
+                'joined; draw the machine at another position'
             )
 
     # ------------------------------------------------------------ bodies and pins
@@ -609,18 +605,27 @@ class Conversion:
                 f'{what}: it must turn about exactly one fixed pin, and has {pins}; correct '
                 'drawing.frame, or choose another input'
             )
+        for pin in () if driven.on else driven.pins:
+            for other in self.at_pin(pin, driven):
+                if tied := self.pivots(other, *fixed):
+                    return (
+                        f'{other.name} joins {driven.name} at {pin} to the fixed pin {tied[0]}, '
+                        'so that neither can move; correct the pins of one, or drawing.frame'
+                    )
         return (
             f'{what}: it is in no loop of four links, or of three and a slide, that returns to '
-            f'the frame at another pin; {self.freedom()}'
+            f'the frame at another pin, so that its motion does not follow link by link; '
+            f'drive another link, or compare the pins of {listed(self.bodies)}; {self.freedom()}'
         )
 
     def rigid(self, body: _Body, held: Sequence[str]) -> str:
         """Explains that known bodies hold a body fast."""
         carriers = ' and '.join(dict.fromkeys(self.carrier(pin) for pin in held))
-        also = f' and by its line on {body.on}' if body.on and self.is_known(body.on) else ''
+        also = f' and slides on {body.on}' if body.on and self.is_known(body.on) else ''
         return (
-            f'{body.name} is held at {" and ".join(held)} by {carriers}{also}, whose motion is '
-            f'known without it, so that the machine cannot move; {self.freedom()}'
+            f'{body.name} joins {carriers} at {" and ".join(held)}{also}, which already move '
+            f'without it in one way, through {listed(self.axes)}, so that nothing can move; leave '
+            f'out {body.name}, one of its pins, or another link; {self.freedom()}'
         )
 
     def unsolved(self, waiting: Mapping[str, _Body]) -> str:

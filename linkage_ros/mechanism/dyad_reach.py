@@ -45,6 +45,8 @@ def reach_of(mechanism: Any) -> Reach | None:
         MechanismError: A dyad does not close at any crank angle.
     """
     reach: Reach | None = mechanism.reach()
+    if reach is not None and mechanism.drawn:
+        reach = reach.renamed(mechanism.drawn.links[0], mechanism.in_own_names)
     if reach is None or not mechanism.dyads:
         return reach
     loop, dyads = mechanism.chain()
@@ -61,14 +63,16 @@ def reach_of(mechanism: Any) -> Reach | None:
         if worst is None:
             continue
         crank, margin = worst
+        if mechanism.drawn and reach.turns_fully and abs(margin[0]) < _LEAST * dyad.size:
+            raise MechanismError(_in_line(mechanism, given, crank))
         words = _words(given, margin)
         place = f'{crank:.9g} m' if reach.slides else rad_and_deg(crank)
-        limits.append(f'the dyad {given.name} does not close at {place}, {words}')
-        cures.append(f'change lengths or ends of the dyad {given.name}')
+        limits.append(f'{given.subject} not close at {place}, {words}')
+        cures.append(f'change lengths or ends of {given.title}')
         if not arcs:
             raise MechanismError(
-                f'the dyad {given.name} does not close anywhere in the reach of the '
-                f'{reach.driven}; it comes nearest at {place}, {words}; {cures[-1]}'
+                f'{given.subject} not close anywhere in the reach of {reach.subject}, and come '
+                f'nearest at {place}, {words}; {cures[-1]}'
             )
     if len(limits) == len(reach.limits):
         return reach
@@ -131,6 +135,15 @@ def _margins(constants: Any, crank: Real) -> tuple[Real, ...]:
     loop, dyad = constants
     found: tuple[Real, ...] = dyad.margins(loop.pose((crank,)).links)
     return found
+
+
+def _in_line(mechanism: Any, dyad: Dyad, crank: float) -> str:
+    """Explains why a dyad that is in line once in a turn, as the loop may be, is refused."""
+    return (
+        f'{dyad.title} are in line at {rad_and_deg(crank)}, where their motion is undetermined; '
+        f'only the loop of the input, {", ".join(mechanism.drawn.links)}, may turn through such a '
+        f'position; leave {dyad.title} out, or move one of their pins'
+    )
 
 
 def _words(dyad: Dyad, margin: tuple[float, int]) -> str:

@@ -235,6 +235,16 @@ class Dyad(Checked):
             start = start.times(complex(guide.x, -guide.y))
         return start, spin, guide
 
+    @property
+    def title(self) -> str:
+        """The dyad in a sentence: its links in a drawing, otherwise its name."""
+        return ' and '.join(self.parts) if self.names else f'the dyad {self.name}'
+
+    @property
+    def subject(self) -> str:
+        """The dyad as the subject of a sentence, with 'do' or 'does'."""
+        return f'{self.title} {"do" if self.names else "does"}'
+
     def gap(self, distance: float) -> str:
         """Describes by how much the dyad does not close.
 
@@ -262,7 +272,7 @@ class Dyad(Checked):
     def _refuse(self, crank: float, distance: float) -> NoReturn:
         distance = math.sqrt(distance) if self.slider is None else abs(distance)
         raise UnreachableError(
-            f'the dyad {self.name} does not close, or is in line, at crank angle '
+            f'{self.subject} not close, or only in line, at crank angle '
             f'{rad_and_deg(crank)}: {self.gap(distance)}',
             crank_angle=crank, arcs=(),
         )  # fmt: skip

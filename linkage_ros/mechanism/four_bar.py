@@ -239,14 +239,21 @@ class FourBar(Mechanism):
     dyads: tuple[Any, ...] = dyads_field()
     points: tuple[Any, ...] = points_field()
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def require_closed(self) -> None:
+        """See `Mechanism.require_closed`.
+
+        Raises:
+            MechanismError: One link is longer than the others together.
+        """
         longest, *others = sorted(self._lengths(), reverse=True)
         if short_sum(longest, longest, *(-other for other in others)) > 0:
             lack = math.fsum((longest, *(-other for other in others)))
+            names = 'the crank', 'the coupler', 'the rocker', 'the frame'
+            name = names[self._lengths().index(longest)]
             raise MechanismError(
-                f'the longest link, {longest:g} m, is longer than the other three together by '
-                f'{lack:.6g} m: the loop cannot close; shorten it or lengthen the others'
+                f'the longest link, {name}, {longest:g} m, is longer than the other three '
+                f'together by {lack:.6g} m: the loop cannot close; shorten it or lengthen the '
+                'others'
             )
 
     def _lengths(self) -> tuple[float, float, float, float]:

@@ -4,6 +4,7 @@
 
 import functools
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple, NoReturn, Protocol, TypeAlias
 
 import numpy as np
@@ -149,6 +150,7 @@ class Reach(NamedTuple):
         fast: Crank angle, rad. Near this angle and half a turn away, the output may move fast.
         width: Half-width of these two regions, rad; inf if there are none.
         driven: What is driven: 'crank', 'cylinder' or 'slider'.
+        name: Name of the crank in a drawing; empty without one.
     """
 
     grashof: str
@@ -162,6 +164,19 @@ class Reach(NamedTuple):
     fast: float = 0.0
     width: float = math.inf
     driven: str = 'crank'
+    name: str = ''
+
+    @property
+    def subject(self) -> str:
+        """What is driven, in a sentence."""
+        return f'the {self.driven}' if self.slides or not self.name else self.name
+
+    def renamed(self, name: str, words: Callable[[str], str]) -> 'Reach':
+        """Returns the reach with the names of a drawing: that of the crank, and in reasons."""
+        return self._replace(
+            name=name, limits=tuple(map(words, self.limits)), cures=tuple(map(words, self.cures)),
+            equalities=tuple(map(words, self.equalities)),
+        )  # fmt: skip
 
     @property
     def slides(self) -> bool:
@@ -218,7 +233,7 @@ class Reach(NamedTuple):
             for start, end in self.arcs
         )
         return (
-            f'the {self.driven} of this {self.grashof} linkage cannot {purpose}: '
+            f'{self.subject} of this {self.grashof} linkage cannot {purpose}: '
             f'{"; ".join(self.limits)}{cures}; it reaches {arcs}'
         )
 
