@@ -16,7 +16,7 @@ from linkage_ros.mechanism.period import period_turns
 from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.rigid_links import rigid_links
 from linkage_ros.mechanism.travel import extremes_between
-from linkage_ros.mechanism.wrenches import poses
+from linkage_ros.mechanism.wrenches import FRAME, poses
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.along_law import LawMotion, reversals
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
@@ -34,6 +34,7 @@ from linkage_ros.view.drawing import Drawing
 from linkage_ros.xml_file import read_xml
 
 __all__ = [
+    'FRAME',
     'Drawing',
     'DrivenMechanism',
     'FollowMotion',

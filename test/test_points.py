@@ -31,6 +31,7 @@ from linkage_ros.formulas import ZERO
 from linkage_ros.log import tables
 from linkage_ros.log.reader import LogReader
 from linkage_ros.mechanism.axes import axes_of
+from linkage_ros.mechanism.wrenches import FRAME
 from linkage_ros.messages.topics import POINT_STAMPED
 from linkage_ros.motion.steps import record_steps
 from linkage_ros.programs.record import record
@@ -288,3 +289,14 @@ def test_drawing_shows_every_point_and_its_path(mechanism):
         assert (shown in drawing.pivot_names) or (shown in drawing.owners)
         assert shown in drawing.paths or shown in drawing.pivot_names or not mechanism.reach()
     assert np.isfinite(drawing.labels(places[np.newaxis])).all()
+
+
+@pytest.mark.parametrize('name', ALL)
+def test_place_on_a_link_is_that_of_its_point(name):
+    """The place is the inverse of the point, and a point of a link is not one of the frame."""
+    structure = Solver(ALL[name]).structure
+    for link in range(len(structure.links)):
+        point = structure.point_of(link, (0.3, -0.7))
+        assert structure.place_on(link, point) == pytest.approx(0.3 - 0.7j, rel=1e-14)
+        is_constant = not any(point.weights)
+        assert (structure.place_on(FRAME, point) is not None) == is_constant

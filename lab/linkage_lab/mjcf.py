@@ -16,7 +16,7 @@ import numpy as np
 
 from linkage_ros import ConfigurationError, Force, LinkLoad, Mechanism, Pins, Solver, Spring, State
 from linkage_ros.extensions import Link, Point, Structure
-from linkage_ros.internals import axes_of, make_urdf, rigid_links, spin_of
+from linkage_ros.internals import FRAME, axes_of, make_urdf, rigid_links, spin_of
 from linkage_ros.quantities import changed, flatten
 
 # MuJoCo raises the time constant of a constraint, the first number of solref, to at least twice
@@ -181,7 +181,7 @@ def _pairs(
     Args:
         mechanism: The mechanism.
         names: Names of its joints.
-        bodies: Bodies of the links, then the world.
+        bodies: Bodies of the links, then, as the last one has the index FRAME, the world.
     """
     structure = mechanism.structure()
     loop, *added = structure.closures
@@ -192,7 +192,7 @@ def _pairs(
             continue
         (end, _), (_, rod) = structure.ends(dyad), closure  # the rod's pin is on a carrier
         pairs.append((f'{names[rod]}_pin', f'{names[rod]}_end'))
-        carrier = -1 if end.carrier is None else end.carrier
+        carrier = FRAME if end.carrier is None else end.carrier
         bodies[carrier].append(_site(pairs[-1][0], end.at))
         bodies[rod].append(_site(pairs[-1][1], 0j))
     return pairs
@@ -270,19 +270,15 @@ class _Passive:
         return True
 
     def _add_site(self, name: str, link: int, point: Point) -> str:
-        """Adds a site to a body or, where a closed pin is not a point of it, to the one there."""
-        for j in (link, *range(len(self._names))) if any(point.weights) else ():
-            arm = point.minus(self._structure.point_of(j, (0.0, 0.0)))
-            spin, guide = axes_of(self._structure.links, j)
-            rest = [x for k, x in enumerate((*arm.weights, arm.fixed)) if x and k != spin]
-            if spin is None and not any(arm.weights):
-                rest, at = [], arm.fixed
-            else:
-                at = 0j if spin is None else arm.weights[spin]
-            if not rest:
-                self._bodies[j].append(_site(name, at * cmath.rect(1.0, -(guide or 0.0))))
-                return name
-        self._bodies[-1].append(_site(name, point.fixed))
+        """Adds a site for a point of a link; returns its name.
+
+        It is on the frame if the point does not move. The pin at which a loop is closed may be a
+        point of another link in the tree; then the site is on that link.
+        """
+        bodies = (FRAME, link, *range(len(self._names)))
+        places = ((body, self._structure.place_on(body, point)) for body in bodies)
+        body, place = next((body, place) for body, place in places if place is not None)
+        self._bodies[body].append(_site(name, place))
         return name
 
     def _add_force(self, one: Force) -> None:
@@ -290,7 +286,7 @@ class _Passive:
         site, world = self._add_site(one.name, *place), f'{one.name}_axes'
         axes = {}
         if one.axes == 'world':
-            origin = -1, self._structure.point_of(-1, (0.0, 0.0))
+            origin = FRAME, self._structure.point_of(FRAME, (0.0, 0.0))
             axes = {'refsite': self._add_site(world, *origin)}
         gear = _text(*one.force, 0.0, 0.0, 0.0, 0.0)
         self.forces.append(_element(

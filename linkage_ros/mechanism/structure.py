@@ -376,6 +376,28 @@ class Structure(NamedTuple):
         above = FRAME if body.parent is None else body.parent
         return self.point_of(above, (body.origin.real, body.origin.imag)).along(link, *at)
 
+    def place_on(self, link: int, point: Point) -> complex | None:
+        """Returns the place of a point on a body; the inverse of `point_of`.
+
+        Relative to the first pin, a point of the body is a constant length along the direction
+        with which the body turns, and across it; on a body that does not turn, it is constant.
+
+        Args:
+            link: Index of a link, or FRAME.
+            point: The point.
+
+        Returns:
+            [along, across] as in `point_of`, as x + iy, m; None if the point's expression is not
+            that of a point of the body.
+        """
+        spin, guide = (None, None) if link == FRAME else axes_of(self.links, link)
+        arm = point.minus(self.point_of(link, (0.0, 0.0)))
+        terms = [*arm.weights, arm.fixed]
+        on_body = complex(terms.pop(-1 if spin is None else spin))
+        if any(terms):
+            return None
+        return on_body if guide is None else on_body * direction(-guide)
+
     def turned_with(self, link: int, pin: Point, at: tuple[float, float]) -> Point:
         """Returns the point [along, across] from a pin, m, in the axes of a link that slides."""
         spin, guide = axes_of(self.links, link)
