@@ -503,7 +503,7 @@ class Oracle:
         # contribution of a unit of each friction.
         table = []
         for name, part in self.parts.items():
-            mass, inertia = mp.mpf(part.mass), mp.mpf(getattr(part, 'inertia', 0))
+            mass, inertia = mp.mpf(part.mass), mp.mpf(getattr(part, 'inertia', 0) or 0)
             weight = mass * complex_of(self.mechanism.gravity)
             loads = [
                 self._on(name, bodies, each) for each in (pushes, *(x for _, _, x in rubbing))
@@ -603,7 +603,7 @@ class Oracle:
             push = mp.mpf(part.mass) * (complex_of(self.mechanism.gravity) - change)
             force += push
             moment += cross(place, push)
-            moment -= mp.mpf(getattr(part, 'inertia', 0)) * bodies[name].change
+            moment -= mp.mpf(getattr(part, 'inertia', 0) or 0) * bodies[name].change
         for push in self._spread(pushes, bodies):
             if push.is_external:
                 force += push.force
@@ -748,7 +748,7 @@ class Oracle:
         bodies, total = self.moving(q, u), mp.mpf(0)
         for name, part in self.parts.items():
             place, velocity, _ = bodies[name].point(self.center(name))
-            mass, inertia = mp.mpf(part.mass), mp.mpf(getattr(part, 'inertia', 0))
+            mass, inertia = mp.mpf(part.mass), mp.mpf(getattr(part, 'inertia', 0) or 0)
             total += mass * (
                 abs(velocity) ** 2 / 2 - dot(complex_of(self.mechanism.gravity), place)
             )
@@ -766,7 +766,8 @@ class Oracle:
         size, square = float(max(map(abs, self.lengths))), speed**2 + abs(acceleration)
         gravity = math.hypot(*self.mechanism.gravity)
         torque = sum(
-            getattr(part, 'inertia', 0) * square + part.mass * size * (size * square + gravity)
+            (getattr(part, 'inertia', 0) or 0) * square
+            + part.mass * size * (size * square + gravity)
             for part in self.parts.values()
         )
         for load in self.loads:

@@ -57,7 +57,7 @@ def drawn(mechanism, q, rng, unit='m'):
     for j, link in enumerate(links):
         name, part = names[j], parts[link.name]
         own = rng.sample(of[j], len(of[j]))
-        mass = {'mass': part.mass, 'inertia': getattr(part, 'inertia', 0.0)}
+        mass = {'mass': part.mass, 'inertia': getattr(part, 'inertia', 0.0) or 0.0}
         if not link.is_guided:
             mass['center'] = pair(link.center)
         if link.slides:

@@ -419,7 +419,8 @@ class Conversion:
         zero = origin.foot(line, way).plus(self.at[joint].minus(line))
         self.axes[last.name] = _Axes(self.at[joint], way)
         at, angle = zero.rounded, way.angle
-        inertia, center = 0.0, (0.0, 0.0)
+        inertia: Any = None
+        center: Any = None
         if guide is not None:
             at = self.in_axes(guide, zero)
             angle = math.atan2(float(guide.way.cross(way)), float(guide.way.dot(way)))

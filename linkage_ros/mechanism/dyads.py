@@ -71,9 +71,9 @@ class DyadSlider(Checked):
         angle: Direction of the guide in which the slider's position increases, from the direction
             of its link, rad.
         on: Link with the guide; 'frame' is the fixed link.
-        inertia: Moment of inertia about the centre of mass, kg m^2; 0 on the frame.
-        center: Centre of mass [along, across] from the pin in the direction of the guide, m; the
-            pin on the frame.
+        inertia: Moment of inertia about the centre of mass, kg m^2; None on the frame.
+        center: Centre of mass [along, across] from the pin in the direction of the guide, m; None
+            on the frame, where it is the pin.
     """
 
     mass: float = quantity('number', 'mass', 'kg', span=(0.0, 1e12), default=0.0)
@@ -87,12 +87,18 @@ class DyadSlider(Checked):
     on: str = quantity('text', 'link with the guide, or frame', default=_FRAME)
     inertia: float = quantity(
         'number', 'moment of inertia about the centre of mass, unless on the frame', 'kg m^2',
-        span=(0.0, 1e12), default=0.0,
+        span=(0.0, 1e12), default=None,
     )  # fmt: skip
     center: tuple[float, float] = quantity(
         'pair', 'centre of mass [along, across] the guide from the pin, unless on the frame', 'm',
-        span=_AT, default=(0.0, 0.0),
+        span=_AT, default=None,
     )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, zero in {'inertia': 0.0, 'center': (0.0, 0.0)}.items():
+            if self.on != _FRAME and getattr(self, name) is None:
+                object.__setattr__(self, name, zero)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,7 +176,8 @@ class Dyad(Checked):
                 f'{label}.assembly = {self.assembly!r}: must be {OPEN} with a barrel and a rod'
             )
         slider = self.slider
-        if slider and slider.on == _FRAME and (slider.inertia or any(slider.center)):
+        turning: list[Any] = [slider.inertia, slider.center] if slider else []
+        if slider and slider.on == _FRAME and any(value is not None for value in turning):
             raise ConfigurationError(
                 f'{label}.slider: inertia and center are for a guide on a moving link: leave them '
                 'out; a slider on the frame does not turn, and its centre of mass is its pin'

@@ -491,13 +491,13 @@ def _link_and_slider(wide: Structure, dyad: Any, i: int, j: int) -> _New:
     first = Link.carried(name, dyad.first, i, start)
     joint = start.point.along(i, dyad.first.length)
     last = Link(
-        other, slider.mass, slider.inertia, joint, guide.carrier, guide.at, slider.angle,
+        other, slider.mass, slider.inertia or 0.0, joint, guide.carrier, guide.at, slider.angle,
         slides=True,
     )  # fmt: skip
     closure = joint
     if guide.carrier is not None:
         links = (*wide.links, first, last)
-        center = wide._replace(links=links).turned_with(j, joint, slider.center)
+        center = wide._replace(links=links).turned_with(j, joint, slider.center or (0.0, 0.0))
         last = last._replace(center=center, pin=joint)
         closure = joint.minus(wide.point_of(guide.carrier, (0.0, 0.0)))
     return _New((first, last), ((start.point, start.carrier, i), (joint, i, j)), closure)

@@ -132,7 +132,7 @@ def _drawn_places(configuration: Configuration, longest: float) -> Iterator[str]
     """Notes centres of mass and loads that are far from their links in a drawing."""
     mechanism, unit = configuration.mechanism, configuration.given.drawing.units
     places = [(f'the center of {x}', part.center) for x, part in mechanism.parts().items()
-              if hasattr(part, 'center')]  # fmt: skip
+              if getattr(part, 'center', None)]  # fmt: skip
     places += [(f'loads.{load.name}.at', at) for load in mechanism.loads
                if (at := getattr(load, 'at', None))]  # fmt: skip
     for name, place in places:
