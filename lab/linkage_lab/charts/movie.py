@@ -104,7 +104,7 @@ class LinkagePicture:
         halo = withStroke(linewidth=2.5, foreground='white')  # names may lie on paths
         self._names = [
             axes.annotate(name, (0, 0), xytext=(0, 0), ha='center', path_effects=[halo], **_NAME)
-            for name in (*drawing.pivot_names, *drawing.pins)
+            for name in self._one_name_a_place()
         ]
         axes.set_aspect('equal')
         axes.margins(0.08)
@@ -114,6 +114,17 @@ class LinkagePicture:
         corners = [text.get_window_extent().get_points() for text in (unit, *self._names)]
         self._unit, *self._sizes = (Bbox(self._points * corner) for corner in corners)
         self.move(samples[0])
+
+    def _one_name_a_place(self) -> list[str]:
+        """Returns the names of pivots and pins; empty for one where another always is."""
+        drawing = self._drawing
+        still = [np.broadcast_to(pivot, self._tracks[:, 0].shape) for pivot in drawing.pivots]
+        tracks, names = [*still, *np.moveaxis(self._tracks, 1, 0)], list[str]()
+        near = 1e-9 * drawing.scale_length
+        for i, name in enumerate((*drawing.pivot_names, *drawing.pins)):
+            is_second = any(abs(tracks[i] - track).max() < near for track in tracks[:i])
+            names.append('' if is_second else name)
+        return names
 
     def move(self, sample: int) -> None:
         """Shows the mechanism at a sample of the period."""
