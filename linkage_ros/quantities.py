@@ -118,6 +118,8 @@ class Quantity:
         """Suggests how to write a number, for an error message."""
         items = value if isinstance(value, (list, tuple)) else (value,)
         texts = [x for x in items if isinstance(x, str) and self._number(x) is None]
+        if self.kind == 'text' and items is value:
+            return ', not a list'
         if self.kind not in {'number', 'whole', 'pair', 'list'} or not texts:
             return ''
         text = texts[0]

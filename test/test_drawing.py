@@ -335,6 +335,13 @@ REFUSED = {
     'a length that cannot close': (
         {'links': {**LINKS, 'rocker': {'pins': ['B', 'Q'], 'length': 900.0}}},
         'the longest link, rocker, 0.9 m'),
+    'two inputs': ({'input': ['crank', 'rocker']}, 'must be text, not a list'),
+    'a Scotch yoke': (
+        {'slides': {'block': {'pin': 'A', 'on': 'yoke', 'direction': [0.0, 1.0]},
+                    'yoke': {'pins': ['W', 'V'], 'direction': [1.0, 0.0]}},
+         'links': {'crank': LINKS['crank']}, 'frame': ['O'], 'cylinders': {},
+         'pins': {'O': PINS['O'], 'A': PINS['A'], 'V': (90.0, 9.0), 'W': (90.0, 0.0)}},
+        'block slides on yoke, which slides too'),
     'three coordinates': ({'pins': {**PINS, 'A': (30.0, 40.0, 0.0)}}, 'must be two numbers'),
     'an unknown unit': ({'units': 'milli'}, 'must be one of m, cm, mm, in'),
     'a slide without a direction': (
@@ -393,6 +400,14 @@ def test_a_dyad_that_comes_in_line_with_a_parallelogram_is_refused():
     words = 'last_wheel and second_rod are in line .* crank, rod, wheel, may turn'
     with pytest.raises(MechanismError, match=words):
         Solver(drawing.mechanism()).reach  # noqa: B018
+
+
+def test_an_input_between_moving_links_is_refused():
+    drive = {'drive': 'motion', 'motion.center': 0.1, 'motion.amplitude': 0.01}
+    given = values(cylinders={'gas': {'from': 'P', 'to': 'S'}}, input='gas')
+    given = {name: value for name, value in given.items() if name != 'rpm'} | drive
+    with pytest.raises(ConfigurationError, match='both of its ends are on moving links'):
+        configure(given)
 
 
 def test_a_limited_input_is_named():

@@ -606,18 +606,32 @@ class Conversion:
                 f'{what}: it must turn about exactly one fixed pin, and has {pins}; correct '
                 'drawing.frame, or choose another input'
             )
-        for pin in () if driven.on else driven.pins:
-            for other in self.at_pin(pin, driven):
-                if tied := self.pivots(other, *fixed):
-                    return (
-                        f'{other.name} joins {driven.name} at {pin} to the fixed pin {tied[0]}, '
-                        'so that neither can move; correct the pins of one, or drawing.frame'
-                    )
+        if driven.on not in {'', FRAME} and not (fixed or self.pivots(self.bodies[driven.on])):
+            return (
+                f'{what}: both of its ends are on moving links; what drives must be held by a '
+                'fixed pin, so add one of its pins to drawing.frame, or choose another input'
+            )
+        for pin, other in self.pinned_to(driven):
+            if tied := self.pivots(other, *fixed):
+                return (
+                    f'{other.name} joins {driven.name} at {pin} to the fixed pin {tied[0]}, '
+                    'so that neither can move; correct the pins of one, or drawing.frame'
+                )
+            if other.on in self.bodies and self.bodies[other.on].on:
+                return (
+                    f'{other.name} slides on {other.on}, which slides too: a Scotch yoke is not '
+                    f'supported; a long link from {pin} to {other.on} comes near its motion'
+                )
         return (
             f'{what}: it is in no loop of four links, or of three and a slide, that returns to '
             f'the frame at another pin, so that its motion does not follow link by link; '
             f'drive another link, or compare the pins of {listed(self.bodies)}; {self.freedom()}'
         )
+
+    def pinned_to(self, driven: _Body) -> list[tuple[str, _Body]]:
+        """Returns the bodies at the pins of a link, each after its pin; none of a slide."""
+        pins = () if driven.on else driven.pins
+        return [(pin, other) for pin in pins for other in self.at_pin(pin, driven)]
 
     def rigid(self, body: _Body, held: Sequence[str]) -> str:
         """Explains that known bodies hold a body fast."""

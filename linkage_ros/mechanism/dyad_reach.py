@@ -152,7 +152,10 @@ def _words(dyad: Dyad, margin: tuple[float, int]) -> str:
     if size >= 0:
         return 'where it is in line'
     if dyad.slider is not None:
-        return f'where {dyad.pins[0]} is {-size:.3g} m too far from the path of the slider'
+        link, slider = dyad.parts
+        pin = dyad.pins[0].removesuffix(f'_{link}')  # as drawn
+        path = slider if dyad.names else 'the slider'
+        return f'where {pin} is {-size:.3g} m too far from the path of {path}'
     if dyad.barrel is not None:
         return f'where its ends are {-size:.3g} m too near'
     return f'where its ends are {-size:.3g} m too {("far apart", "near")[side]}'
