@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exact motion and driving torque of planar linkages, with a ROS 2 node, logs, replay and viewer.
 
-Create a mechanism (such as a `FourBar` or an `InvertedSliderCrank`) and pass it to a `Solver`,
+Create a mechanism (such as a `FourBar` or a `Drawing`) and pass it to a `Solver`,
 which computes states, accelerations, joint forces and energy. Units are SI: m, kg, rad, s, N.
 Angles and torques are positive counter-clockwise. Coordinates and rates may be floats or arrays.
 """
@@ -24,6 +24,13 @@ if TYPE_CHECKING:
     )
     from linkage_ros.mechanism.base import Mechanism
     from linkage_ros.mechanism.conditions import Conditions
+    from linkage_ros.mechanism.drawing import (
+        Drawing,
+        DrawnCylinder,
+        DrawnLink,
+        DrawnMass,
+        DrawnSlide,
+    )
     from linkage_ros.mechanism.dyads import Dyad, DyadSlider
     from linkage_ros.mechanism.four_bar import FourBar
     from linkage_ros.mechanism.inverted_slider_crank import InvertedSliderCrank
@@ -68,6 +75,7 @@ _MODULES = {
         ),
         'mechanism.base': 'Mechanism',
         'mechanism.conditions': 'Conditions',
+        'mechanism.drawing': 'Drawing DrawnCylinder DrawnLink DrawnMass DrawnSlide',
         'mechanism.dyads': 'Dyad DyadSlider',
         'mechanism.four_bar': 'FourBar',
         'mechanism.inverted_slider_crank': 'InvertedSliderCrank',
@@ -151,6 +159,11 @@ __all__ = [
     'Conditions',
     'ConfigurationError',
     'Coupler',
+    'Drawing',
+    'DrawnCylinder',
+    'DrawnLink',
+    'DrawnMass',
+    'DrawnSlide',
     'Dyad',
     'DyadSlider',
     'Force',

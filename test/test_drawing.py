@@ -249,6 +249,13 @@ def test_places_of_loads_and_points_are_as_drawn():
     assert solver.point(states[1], 'tip') == solver.point(states[1], 'P')
 
 
+def test_a_solver_takes_a_drawing_and_what_load_returns():
+    configuration = configure(values())
+    drawing = configuration.given.drawing
+    found = [Solver(x).state(0.4, 2.0) for x in (drawing, configuration, drawing.mechanism())]
+    assert found[0] == found[1] == found[2]
+
+
 def test_a_force_at_a_pin_acts_on_its_carrier():
     plain = configure(values()).mechanism
     pin = Force(force=(3.0, -5.0), pin='B')

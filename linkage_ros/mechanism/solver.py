@@ -105,7 +105,7 @@ class Solver:
 
     def __init__(
         self,
-        mechanism: Mechanism,
+        mechanism: Any,
         *,
         traced: bool = True,
         by_math: bool = False,
@@ -115,7 +115,8 @@ class Solver:
         """Prepares the programs, each of which is compiled on first use.
 
         Args:
-            mechanism: The mechanism to solve.
+            mechanism: The mechanism to solve, or an object that has one: a `Drawing`, or what
+                `load` returns.
             traced: Whether to turn formulas into programs. Otherwise, the formulas themselves run,
                 with the same results, so that a debugger can stop in them.
             by_math: Whether array results must be bit-identical to scalar results, which NumPy's
@@ -129,6 +130,9 @@ class Solver:
             MechanismError: The argument is not a mechanism.
             ConfigurationError: A load does not fit the mechanism.
         """
+        if not isinstance(mechanism, Mechanism):
+            inner = getattr(mechanism, 'mechanism', mechanism)
+            mechanism = inner() if callable(inner) else inner
         if not isinstance(mechanism, Mechanism):
             raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
         self.mechanism, structure = mechanism, mechanism.structure()
