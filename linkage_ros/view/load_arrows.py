@@ -68,25 +68,27 @@ class LoadArrows:
             mark: Unit of the sizes of arrows, m.
             positions: Positions that the links can take, shape (n, links), rad and m.
         """
-        bare: Any = mechanism
-        if mechanism.joint_loads():
-            loads = tuple(load for load in mechanism.loads if not load.in_joints(mechanism))
-            bare = replace(cast('Any', mechanism), loads=loads)
-        self._solver, self._mark = Solver(bare), mark
-        self._largest: dict[str, float] = {}
-        places = []
+        # Friction depends on joint forces, and so on accelerations; only rates are known here.
+        loads = tuple(load for load in mechanism.loads if not load.in_joints(mechanism))
+        self._solver, self._mark = Solver(replace(cast('Any', mechanism), loads=loads)), mark
+        self._largest: dict[str, float] = {}  # magnitude of each load so far, N or N m
+        feet = [np.empty(0, complex)]  # of forces at points
         for rate in (_HARDLY, -_HARDLY):
             exerted = self._exerted(positions, np.full_like(positions, rate))
-            for name, (force, at) in exerted.items():
-                self._share(name, force)
-                places += [] if at is None else [at]
+            for name, (load, at) in exerted.items():
+                self._largest_so_far(name, load)
+                if at is not None:
+                    feet.append(at)
         self.names = tuple(self._largest)
-        room = _LONGEST * mark
-        ends = np.concatenate(places) if places else np.empty(0, complex)
-        # Corners of the area that arrows at points may cover.
-        self.reach = np.concatenate([ends + room * (1 + 1j), ends - room * (1 + 1j)])
+        corner = _LONGEST * mark * (1 + 1j)
+        places = np.concatenate(feet)
+        self.reach = np.concatenate([places + corner, places - corner])
         # Straight arrows are on the far side of a slider, where they overlap no link.
-        self._sides = np.copysign(1.0, positions.mean(axis=0))
+        self._sides = {
+            j: math.copysign(1.0, positions[:, j].mean())
+            for j, link in enumerate(self._solver.structure.links)
+            if link.slides
+        }
 
     def _outwards(self, j: int, positions: Array) -> Complex:
         """Returns the direction of straight arrows from a slider's pin, shape (n,) or ()."""
@@ -125,17 +127,13 @@ class LoadArrows:
         for name, (force, at) in self._exerted(positions, rates).items():
             share = self._share(name, force)
             if at is not None:
-                ends = np.stack([at, at + share * _LONGEST * self._mark], axis=1)
-                size = np.where(share, abs(share), 1.0)
-                found[name] = self._with_head(ends, share / size, abs(share) * _LONGEST)
+                found[name] = self._at_point(at, share)
                 continue
             j = self._solver.links.index(name)
-            link = self._solver.structure.links[j]
-            found[name] = (
-                self._straight(j, positions, share)
-                if link.slides
-                else self._curved(self._first_pin(j, positions), positions[:, j], share)
-            )
+            if self._solver.structure.links[j].slides:
+                found[name] = self._straight(j, positions, share)
+            else:
+                found[name] = self._curved(self._first_pin(j, positions), positions[:, j], share)
         return found
 
     def values(self, positions: Array, rates: Array) -> dict[str, list[str]]:
@@ -166,11 +164,24 @@ class LoadArrows:
             found[name] = arrow, foot
         return found
 
-    def _share(self, name: str, force: Any) -> Any:
-        """Scales a load by its largest magnitude so far, to -1 to 1."""
-        largest = np.fmax.accumulate([self._largest.get(name, 0.0), *abs(force)])
+    def _share(self, name: str, load: Any) -> Any:
+        """Scales a load by its largest magnitude so far, to -1 to 1; shape (n,)."""
+        largest = self._largest_so_far(name, load)
+        return load / np.where(largest > 0, largest, 1.0)
+
+    def _largest_so_far(self, name: str, load: Any) -> Array:
+        """Returns the largest magnitude of a load up to each state, which it also stores."""
+        known = self._largest.get(name, 0.0)
+        largest = np.fmax.accumulate([known, *abs(load)])
         self._largest[name] = float(largest[-1])
-        return force / np.where(largest[1:] > 0, largest[1:], 1.0)
+        return largest[1:]
+
+    def _at_point(self, foot: Complex, share: Any) -> Complex:
+        """Draws arrows from points, along forces given as shares of the largest, x + iy."""
+        tip = foot + share * _LONGEST * self._mark
+        size = abs(share)
+        forward = share / np.where(size > 0, size, 1.0)
+        return self._with_head(np.stack([foot, tip], axis=1), forward, size * _LONGEST)
 
     def _straight(self, j: int, positions: Array, share: Array) -> Complex:
         """Draws arrows that push or pull a slider."""
