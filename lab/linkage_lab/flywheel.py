@@ -37,10 +37,11 @@ _RPM = 30 / math.pi  # of 1 rad/s
 _PARTS = 2880
 _ROUNDS, _CLOSE = 30, 1e-9  # maximum iterations; relative speed change at convergence
 _UNEVEN = 10.0  # fluctuation assigned to a crank without a steady cycle
-_OFF = 1e-5  # largest relative error of the mean speed
+_MEAN_SPEED_ERROR = 1e-5  # largest, relative
 _APART = 1e-6  # relative speed step of a finite difference
 _DROP = 0.25  # smallest ratio of the energies of two iterations under a motor
-_SLOWEST = 1e-13  # margin above the start energy that stops the crank, relative to the bracket
+# Margin above the start energy that stops the crank, relative to the bracket.
+_ABOVE_STANDSTILL = 1e-13
 _MASSLESS = 1e-9  # inertia treated as 0, relative to the largest at the crank
 
 
@@ -207,39 +208,58 @@ class Crank:
             ValueError: No solution has the given mean speed, or the motor does not limit it.
             RuntimeError: The mean speed was not reached.
         """  # fmt: skip
-        way = 1 if speed > 0 else -1  # disturbances decay in the direction of motion
+        # In the direction of motion, in which disturbances decay, with E at the start unknown:
+        # E = start / factor + given + c * unit.
+        way = 1 if speed > 0 else -1
         crank = way * self._period(speed)[0][::way]
-        slope, rest = way * slope[::way], way * (slope * last - resistance)[::way]
-        growth = np.exp(integral(crank, slope))
-        fixed, even = (integral(crank, growth * x) / growth for x in (rest, 1 + 0 * rest))
-        # The energy is fixed + start * each; c makes it periodic.
-        rise, fixed_c = (1 - 1 / growth[-1]) / even[-1], fixed[-1] / even[-1]
-        fixed, each = fixed - fixed_c * even, 1 / growth + rise * even
+        slope, torque = way * slope[::way], way * (slope * last - resistance)[::way]
+        factor = np.exp(integral(crank, slope))  # integrating factor
+        given = integral(crank, factor * torque) / factor
+        unit = integral(crank, factor) / factor
+        # E is periodic for c = c_per_start * start + c_given.
+        c_per_start = (1 - 1 / factor[-1]) / unit[-1]
+        c_given = -given[-1] / unit[-1]
+        offset = given + c_given * unit
+        gain = 1 / factor + c_per_start * unit  # E = offset + gain * start
         if motor is None:
-            start = _start(crank, fixed, each, inertia[::way], speed)
-            return (fixed + start * each)[::way], way * float(start * rise - fixed_c)
-        if not rise > 0:
+            start = _start_energy(crank, offset, gain, inertia[::way], speed)
+            energy = offset + start * gain
+            return energy[::way], way * float(start * c_per_start + c_given)
+        if not c_per_start > 0:
             raise ValueError('nothing limits the speed')
-        found = fixed + fixed_c / rise * each
-        return np.maximum(found[::way], _DROP * last), 0.0
+        energy = offset - c_given / c_per_start * gain  # c is 0
+        return np.maximum(energy[::way], _DROP * last), 0.0
 
 
-def _start(crank: Array, fixed: Array, each: Array, inertia: Array, speed: float) -> float:
-    """Finds the energy at the start of the period that gives the required mean speed.
+def _start_energy(
+    crank: Array, offset: Array, gain: Array, inertia: Array, mean_speed: float
+) -> float:
+    """Finds the kinetic energy at the start of the period that gives the required mean speed, J.
+
+    Args:
+        crank: Crank angles in the direction of motion, rad.
+        offset: Kinetic energy at these angles for an energy of 0 at the start, J.
+        gain: Its increase per increase of the energy at the start.
+        inertia: Inertia at these angles, including a flywheel, kg m^2.
+        mean_speed: Mean speed over time, with the sign of the rotation, rad/s.
 
     Raises:
         ValueError: No energy gives this speed.
         RuntimeError: The crank almost stops, so that rounding errors dominate.
     """
 
-    def excess(start: float) -> float:
-        velocity = np.sqrt(2 * (fixed + start * each) / inertia)
-        return slowness(crank, velocity) * abs(speed) - 1
+    def excess_time(start: float) -> float:
+        """Returns the excess of the period's duration, relative to the required one."""
+        velocity = np.sqrt(2 * (offset + start * gain) / inertia)
+        return slowness(crank, velocity) * abs(mean_speed) - 1
 
-    least = float((-fixed / each).max())
-    most = float(((inertia * speed**2 / 2 - fixed) / each).max())
-    start = float(brentq(excess, least + _SLOWEST * (most - least), most, rtol=1e-14))
-    if abs(excess(start)) > _OFF:
+    # With less energy than `stops`, the crank stops at some angle: the period lasts too long. With
+    # `too_fast`, the crank is nowhere slower than the mean speed: it ends too early.
+    stops = float((-offset / gain).max())
+    too_fast = float(((inertia * mean_speed**2 / 2 - offset) / gain).max())
+    least = stops + _ABOVE_STANDSTILL * (too_fast - stops)
+    start = float(brentq(excess_time, least, too_fast, rtol=1e-14))
+    if abs(excess_time(start)) > _MEAN_SPEED_ERROR:
         raise RuntimeError('the mean speed was not reached')
     return start
 
