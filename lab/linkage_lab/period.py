@@ -152,10 +152,14 @@ class Period:
         return _effort(self.driven)
 
     @property
+    def effort_name(self) -> str:
+        """The driving torque or force in words, for a diagram."""
+        return self.effort.replace('_', ' ').capitalize()
+
+    @property
     def effort_title(self) -> str:
         """The driving torque or force with its unit, for a diagram."""
-        words = self.effort.replace('_', ' ').capitalize()
-        return f'{words}, {self.columns[self.effort].unit}'
+        return f'{self.effort_name}, {self.columns[self.effort].unit}'
 
     @functools.cached_property
     def drawing(self) -> Drawing:

@@ -304,8 +304,6 @@ def _wrapped(text: str, width: int) -> str:
 
 def _panels(period: Period, show: Collection[str]) -> Iterator[_Panel]:
     """Yields the diagrams of one mechanism."""
-    columns, links, driven = period.columns, period.solver.links, period.driven.name
-    even = not np.ptp(columns[f'{driven}.velocity'].values)
     for quantity in QUANTITIES:
         if quantity not in show:
             continue
@@ -315,58 +313,81 @@ def _panels(period: Period, show: Collection[str]) -> Iterator[_Panel]:
         elif quantity == 'load':
             yield from _load_panels(period)
         elif quantity == 'point':
-            for name, link in period.solver.structure.traced.items():
-                x, y = (_curve(period, f'{name}.position.{x}', f'{name}.{x}') for x in 'xy')
-                yield _Panel(
-                    f'Point {name}, m',
-                    [x._replace(color=period.colors[link]), y._replace(color=DARK)],
-                )
+            yield from _point_panels(period)
         else:
-            is_known = period.across is not OVER_TIME and (even or quantity == 'position')
-            shown = [link for link in links if not (is_known and link == driven)]
-            yield from _by_unit([_curve(period, f'{link}.{quantity}', link) for link in shown])
-    if 'shaking_moment' in columns:
-        pins = dict.fromkeys(name[4:-2] for name in columns if name.startswith('pin_'))
-        forces = [_curve(period, f'pin_{pin}.x', pin, f'pin_{pin}.y') for pin in pins]
-        guides = [name for name in columns if name.endswith('.guide_force')]
-        names = ['guide'] if len(guides) == 1 else [x.partition('.')[0] for x in guides]
-        forces += [_curve(period, x, name) for x, name in zip(guides, names, strict=True)]
-        yield _Panel('Joint forces, N', forces)
-        yield _Panel(
-            'Shaking force, N', [_curve(period, f'shaking_force.{x}', f'force.{x}') for x in 'xy']
-        )
-        yield _Panel('Shaking moment, N m', [_curve(period, 'shaking_moment', 'moment')])
+            yield from _link_panels(period, quantity)
+    if 'shaking_moment' in period.columns:
+        yield from _reaction_panels(period)
 
 
 def _load_panels(period: Period) -> Iterator[_Panel]:
     """Yields the diagrams of loads: efforts on links, springs, and forces at points."""
-    columns = period.columns
-    efforts = [name for name in columns if name.endswith('.load')]
-    yield from _by_unit([_curve(period, x, x.replace('.', ' ')) for x in efforts], 'Load')
+    efforts = [column for column in period.columns if column.endswith('.load')]
+    curves = [_curve(period, column, column.replace('.', ' ')) for column in efforts]
+    yield from _by_unit(curves, 'Load')
     springs = period.springs if period.solver.mobility else []
-    for name in springs:
+    for spring in springs:
         for word in ('length', 'leverage', 'tension'):
-            curve = _curve(period, f'{name}.{word}', f'{name} {word}')
+            curve = _curve(period, f'{spring}.{word}', f'{spring} {word}')
             yield from _by_unit([curve._replace(color=SECOND)])
-    points = (x.removesuffix('.force.x') for x in columns if x.endswith('.force.x'))
-    for name in (x for x in points if x not in springs):
-        x, y = (_curve(period, f'{name}.force.{x}', f'{name}.{x}') for x in 'xy')
-        forces = [x._replace(color=SECOND), y._replace(color=DARK)]
-        yield _Panel(f'Force {name}, N', forces)
+    for column in period.columns:
+        load, ending, _ = column.partition('.force.x')
+        if ending and load not in springs:
+            components = _components(period, f'{load}.force', load, SECOND)
+            yield _Panel(f'Force {load}, N', components)
+
+
+def _point_panels(period: Period) -> Iterator[_Panel]:
+    """Yields the diagrams of the positions of traced points."""
+    for point, link in period.solver.structure.traced.items():
+        components = _components(period, f'{point}.position', point, period.colors[link])
+        yield _Panel(f'Point {point}, m', components)
+
+
+def _link_panels(period: Period, quantity: str) -> Iterator[_Panel]:
+    """Yields the diagrams of positions, velocities or accelerations of the links."""
+    driven = period.driven.name
+    has_constant_rate = not np.ptp(period.columns[f'{driven}.velocity'].values)
+    # The position of the driven link is the variable of the diagrams, unless that is the time.
+    says_nothing = has_constant_rate or quantity == 'position'
+    omitted = driven if says_nothing and period.across is not OVER_TIME else None
+    shown = [link for link in period.solver.links if link != omitted]
+    yield from _by_unit([_curve(period, f'{link}.{quantity}', link) for link in shown])
+
+
+def _reaction_panels(period: Period) -> Iterator[_Panel]:
+    """Yields the diagrams of joint forces, shaking force and shaking moment."""
+    columns = period.columns
+    pins = dict.fromkeys(name[len('pin_') : -len('.x')] for name in columns if name[:4] == 'pin_')
+    forces = [_curve(period, f'pin_{pin}.x', pin, f'pin_{pin}.y') for pin in pins]
+    guides = [name for name in columns if name.endswith('.guide_force')]
+    for column in guides:
+        name = 'guide' if len(guides) == 1 else column.removesuffix('.guide_force')
+        forces.append(_curve(period, column, name))
+    yield _Panel('Joint forces, N', forces)
+    shaking = [_curve(period, f'shaking_force.{axis}', f'force.{axis}') for axis in 'xy']
+    yield _Panel('Shaking force, N', shaking)
+    yield _Panel('Shaking moment, N m', [_curve(period, 'shaking_moment', 'moment')])
 
 
 def _compared(periods: Mapping[str, Period], show: Collection[str]) -> Iterator[_Panel]:
     """Yields the shared diagrams of several mechanisms: motion of the outputs, and torques."""
     for quantity in QUANTITIES:
-        first = next(iter(periods.values()))
-        is_effort = quantity == 'torque'
-        column = first.effort if is_effort else f'{{}}.{quantity}'
-        other = first.effort_title.partition(',')[0] if is_effort else quantity.capitalize()
-        if quantity in show and quantity not in {'load', 'point'}:
-            yield from _by_unit([
-                _curve(period, column.format(period.solver.output), name)._replace(color=color)
-                for (name, period), color in zip(periods.items(), DESIGN_COLORS, strict=False)
-            ], other=other)  # fmt: skip
+        if quantity not in show or quantity in {'load', 'point'}:
+            continue
+        curves, title = [], quantity.capitalize()
+        for i, (design, period) in enumerate(periods.items()):
+            column = f'{period.solver.output}.{quantity}'
+            if quantity == 'torque':
+                column, title = period.effort, period.effort_name
+            curves.append(_curve(period, column, design)._replace(color=DESIGN_COLORS[i]))
+        yield from _by_unit(curves, fallback=title)
+
+
+def _components(period: Period, column: str, name: str, color: Color) -> list[_Curve]:
+    """Makes the curves of both components of a vector, the x component in the colour."""
+    along_x, along_y = (_curve(period, f'{column}.{axis}', f'{name}.{axis}') for axis in 'xy')
+    return [along_x._replace(color=color), along_y._replace(color=DARK)]
 
 
 def _curve(period: Period, column: str, name: str, across: str = '') -> _Curve:
@@ -397,18 +418,18 @@ def _colors_of_pins(period: Period) -> dict[str, Color]:
     return found
 
 
-def _by_unit(curves: Sequence[_Curve], title: str = '', other: str = '') -> Iterator[_Panel]:
+def _by_unit(curves: Sequence[_Curve], title: str = '', fallback: str = '') -> Iterator[_Panel]:
     """Groups curves into one diagram per unit.
 
     Args:
         curves: The curves.
         title: Title of all diagrams, without the unit.
-        other: Title of diagrams whose unit has none; empty for the names of their curves.
+        fallback: Title of diagrams whose unit has none; empty for the names of their curves.
     """
     for unit in dict.fromkeys(curve.unit for curve in curves):
         group = [curve for curve in curves if curve.unit == unit]
-        names = ' and '.join(curve.name for curve in group)
-        yield _Panel(f'{title or _TITLES.get(unit) or other or names.capitalize()}, {unit}', group)
+        names = ' and '.join(curve.name for curve in group).capitalize()
+        yield _Panel(f'{title or _TITLES.get(unit) or fallback or names}, {unit}', group)
 
 
 def _draw(axes: Axes, panel: _Panel) -> list[Line2D]:
