@@ -116,14 +116,18 @@ class LinkagePicture:
         self.move(samples[0])
 
     def _one_name_a_place(self) -> list[str]:
-        """Returns the names of pivots and pins; empty for one where another always is."""
-        drawing = self._drawing
+        """Returns the names of pivots and pins; empty for one where another always is.
+
+        The mouth of a barrel has no name in a drawing.
+        """
+        drawing, drawn = self._drawing, self.period.solver.mechanism.drawn
+        mouth = dict(drawn.points).get('E') if drawn else None
         still = [np.broadcast_to(pivot, self._tracks[:, 0].shape) for pivot in drawing.pivots]
         tracks, names = [*still, *np.moveaxis(self._tracks, 1, 0)], list[str]()
         near = 1e-9 * drawing.scale_length
         for i, name in enumerate((*drawing.pivot_names, *drawing.pins)):
             is_second = any(abs(tracks[i] - track).max() < near for track in tracks[:i])
-            names.append('' if is_second else name)
+            names.append('' if is_second or name == mouth else name)
         return names
 
     def move(self, sample: int) -> None:
