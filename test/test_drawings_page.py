@@ -12,7 +12,7 @@ import pytest
 from pages import page_files, read
 
 from linkage_lab.period import law_period
-from linkage_ros import Solver, load
+from linkage_ros import Solver, load, travel
 from linkage_ros.internals import make_urdf
 from linkage_ros.settings.notes import notes
 
@@ -107,15 +107,24 @@ def test_chebyshevs_point_stays_near_its_line(machine):
     crank = np.linspace(low + 1e-6, high - 1e-6, 400)
     a = 0.5 * np.exp(1j * crank)
     assert abs(place - 0.5 * (a + meet(a, 0.2, 0.4, 0.5, -1))).max() < 1e-9
+    assert np.ptp(place.real) > 0.399
+    assert abs(place.imag - 0.4).max() < 1e-3
 
 
 def test_peaucelliers_line_is_straight(machine):
     configuration = machine('peaucellier')
-    crank = np.linspace(-1.0, 1.0, 201)
+    crank = np.radians(np.linspace(-57, 57, 201))
     place, _ = path_of(Solver(configuration.mechanism), crank, 'R')
     assert abs(place.real - 0.06).max() < 1e-12 * np.ptp(place.imag)
     # By inversion, R is on the line from the fixed pin O, at (-20, 0) mm, through P.
     assert np.allclose(place.imag, 0.08 * np.tan(0.5 * crank), rtol=0, atol=1e-15)
+
+
+def test_a_quick_return_has_the_time_ratio_of_its_lengths(machine):
+    mechanism = machine('quick_return').mechanism
+    # The lever reverses where it touches the circle of the crank pin.
+    half = math.acos(math.hypot(60, 30) / 150)
+    assert math.isclose(travel(Solver(mechanism)).time_ratio, math.pi / half - 1, rel_tol=1e-12)
 
 
 def test_a_pantograph_enlarges(machine):
