@@ -358,7 +358,8 @@ def _link_panels(period: Period, quantity: str) -> Iterator[_Panel]:
 def _reaction_panels(period: Period) -> Iterator[_Panel]:
     """Yields the diagrams of joint forces, shaking force and shaking moment."""
     columns = period.columns
-    pins = dict.fromkeys(name[len('pin_') : -len('.x')] for name in columns if name[:4] == 'pin_')
+    components = [name for name in columns if name.startswith('pin_')]  # such as pin_A.x
+    pins = dict.fromkeys(name[len('pin_') : -len('.x')] for name in components)
     forces = [_curve(period, f'pin_{pin}.x', pin, f'pin_{pin}.y') for pin in pins]
     guides = [name for name in columns if name.endswith('.guide_force')]
     for column in guides:

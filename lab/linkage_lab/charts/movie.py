@@ -4,7 +4,7 @@
 
 import argparse
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -110,9 +110,9 @@ class LinkagePicture:
         axes.margins(0.08)
         axes.set_axis_off()
         axes.apply_aspect()
-        self._points = 72 / axes.figure.dpi  # per pixel
+        self._points_per_pixel = 72 / axes.figure.dpi
         corners = [text.get_window_extent().get_points() for text in (unit, *self._names)]
-        self._unit, *self._sizes = (Bbox(self._points * corner) for corner in corners)
+        self._unit, *self._sizes = (Bbox(self._points_per_pixel * corner) for corner in corners)
         self.move(samples[0])
 
     def _one_name_a_place(self) -> list[str]:
@@ -138,12 +138,12 @@ class LinkagePicture:
         pins = np.array([*drawing.pivots, *now[0]])
         self._pins.set_data(*pins.T)
         ways = np.array([*self._asides, *(drawing.labels(now)[0] - now[0])])
-        at = self._points * self._axes.transData.transform(pins)
+        at = self._points_per_pixel * self._axes.transData.transform(pins)
         for name, pin, place in zip(self._names, pins, self._apart(at, ways), strict=True):
             name.xy = tuple(pin)
-            name.set_position(place)
+            name.set_position(tuple(place.tolist()))
 
-    def _apart(self, pins: Array, ways: Array) -> list[tuple[float, float]]:
+    def _apart(self, pins: Array, ways: Array) -> list[Array]:
         """Places names of pins in the picture, so that they overlap no other name or pin.
 
         Args:
@@ -153,32 +153,40 @@ class LinkagePicture:
         Returns:
             Positions of the names relative to their pins, points.
         """
-        taken, found = [self._unit], list[tuple[float, float]]()
-        page = Bbox(self._points * self._axes.figure.bbox.get_points())
-        taken += [Bbox([pin - _PIN, pin + _PIN]) for pin in pins]
+        page = Bbox(self._points_per_pixel * self._axes.figure.bbox.get_points())
+        taken = [self._unit, *(Bbox([pin - _PIN, pin + _PIN]) for pin in pins)]
+        chosen = []
         for pin, way, size in zip(pins, ways, self._sizes, strict=True):
             half = 0.5 * np.array([size.width, size.height]) + 1.0
-            turns = np.exp(1j * np.radians(_TURNS)) * complex(*way) / math.hypot(*way)
-            places = [distance * turn for distance in _DISTANCES for turn in turns]
-
-            def box(place: complex, pin: Array = pin, half: Array = half) -> Bbox:
-                middle = np.add(pin, (place.real, place.imag))
-                return Bbox([middle - half, middle + half])
-
-            def cost(place: complex, box: Callable[[complex], Bbox] = box) -> tuple[bool, int]:
-                spot = box(place)
-                is_cut = not (page.contains(*spot.min) and page.contains(*spot.max))
-                return is_cut, spot.count_overlaps(taken)
-
-            # The first of the places with the fewest overlaps.
-            best = min(places, key=cost)
-            taken.append(box(best))
-            found.append((best.real, best.imag))
-        return found
+            places = _places(way)
+            boxes = [Bbox([pin + place - half, pin + place + half]) for place in places]
+            costs = [_cost(box, page, taken) for box in boxes]
+            best = costs.index(min(costs))  # the first of the best ones
+            taken.append(boxes[best])
+            chosen.append(places[best])
+        return chosen
 
     def _plot(self, points: Array, color: Color, **style: Any) -> Line2D:
         style |= {'color': fractions(color), 'solid_capstyle': 'round'}
         return self._axes.plot(*points.T, **style)[0]
+
+
+def _places(way: Array) -> Array:
+    """Returns positions of a name relative to its pin, points, in the order of preference.
+
+    Args:
+        way: Preferred direction of the name, shape (2,).
+    """
+    turned = np.exp(1j * np.radians(_TURNS)) * complex(*way)
+    directions = turned / math.hypot(*way)
+    places = np.outer(_DISTANCES, directions).ravel()  # the nearest ones first
+    return np.stack([places.real, places.imag], axis=1)
+
+
+def _cost(box: Bbox, page: Bbox, taken: Sequence[Bbox]) -> tuple[bool, int]:
+    """Returns whether the page cuts a name off, and how many names and pins it overlaps."""
+    is_whole = page.contains(*box.min) and page.contains(*box.max)
+    return not is_whole, box.count_overlaps(taken)
 
 
 def movie(options: argparse.Namespace) -> None:
