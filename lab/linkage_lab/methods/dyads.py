@@ -7,6 +7,7 @@ of its second link per crank rate. The reference is the intersection of two circ
 and the rate at which it moves.
 """
 
+import cmath
 import math
 from dataclasses import replace
 from functools import partial
@@ -61,40 +62,44 @@ def _exact(mechanism: FourBar, crank: float) -> float:
     """Computes the rate of the second link per crank rate."""
     (dyad,) = mechanism.dyads
     with mp.workdps(60):
-        arm = mp.mpf(mechanism.crank.length) * mp.expj(mp.mpf(crank))
+        crank_pin = mp.mpf(mechanism.crank.length) * mp.expj(mp.mpf(crank))
         b, c = mp.mpf(dyad.first.length), mp.mpf(dyad.second.length)
-        apart = mp.mpc(*map(mp.mpf, dyad.to_at)) - arm
-        size = abs(apart)
-        along = (size**2 + b**2 - c**2) / (2 * size)
-        side = mp.sqrt(b**2 - along**2) * (1 if dyad.assembly == OPEN else -1)
-        first = mp.mpc(along, side) * apart / size
+        apart = mp.mpc(*map(mp.mpf, dyad.to_at)) - crank_pin
+        distance = abs(apart)
+        # The joint is on two circles: from the first end, along and to the left of `apart`.
+        along = (distance**2 + b**2 - c**2) / (2 * distance)
+        left = mp.sqrt(b**2 - along**2) * (1 if dyad.assembly == OPEN else -1)
+        first = mp.mpc(along, left) * apart / distance
         second = first - apart
-        # With the velocity v of the joint, (v - i arm).first = v.second = 0.
-        moved = (mp.conj(1j * arm) * first).real
+        # With the velocity v of the joint, (v - i crank_pin).first = v.second = 0.
+        moved = (mp.conj(1j * crank_pin) * first).real
         rate = moved / (mp.conj(1j * second) * first).real
         return float(rate)
 
 
-def _six_bar(random: Random, _: int, *, sine: float) -> NumberCase:
-    """Makes a six-bar and a crank angle at which the sine of its dyad has this value.
+def _six_bar(random: Random, _: int, *, sine: float = 0.0, jams: bool = False) -> NumberCase:
+    """Makes a six-bar and a crank angle.
 
-    With a sine of 0, the dyad is too short there by a thousandth.
+    Args:
+        random: Random numbers.
+        sine: Sine of the obtuse angle between the links of the dyad at this crank angle.
+        jams: Whether the dyad, in line there, is too short by a thousandth.
     """
     base = four_bar((1.0, 3.0, 2.5, 2.2), any_assembly(random))
     crank = float(random.uniform(-3, 3))
-    to = complex(*random.uniform((1.5, 1.0), (2.5, 3.0)).tolist())
-    size = abs(to - complex(math.cos(crank), math.sin(crank)))
-    ratio, turn = float(random.uniform(0.7, 1.4)), math.pi - math.asin(sine)
-    if sine:
-        first = size / abs(1 - ratio * complex(math.cos(turn), math.sin(turn)))
-    else:
-        first = 0.999 * size / (1 + ratio)
+    end = complex(*random.uniform((1.5, 1.0), (2.5, 3.0)).tolist())
+    crank_pin = complex(math.cos(crank), math.sin(crank))
+    distance = abs(end - crank_pin) * (0.999 if jams else 1.0)
+    ratio = float(random.uniform(0.7, 1.4))  # of the lengths, second to first
+    between = math.pi - math.asin(sine)
+    # With the joint at 0 and the first end at 1, the second end is at ratio e^(i between).
+    first = distance / abs(1 - cmath.rect(ratio, between))
     dyad = Dyad(
-        name='ram', from_='crank', from_at=(1.0, 0.0), to='frame', to_at=(to.real, to.imag),
+        name='ram', from_='crank', from_at=(1.0, 0.0), to='frame', to_at=(end.real, end.imag),
         first=Body(first), second=Body(first * ratio), assembly=any_assembly(random),
     )  # fmt: skip
     mechanism = replace(base, dyads=(dyad,))
-    exact = _exact(mechanism, crank) if sine else math.inf
+    exact = math.inf if jams else _exact(mechanism, crank)
     return NumberCase((mechanism, crank), exact, abs(exact))
 
 
@@ -105,7 +110,7 @@ DYAD_SITUATIONS = (
         partial(_six_bar, sine=1e-3),
     ),
     Situation(
-        'six-bar that jams', 'the dyad is too short by a thousandth', partial(_six_bar, sine=0.0),
+        'six-bar that jams', 'the dyad is too short by a thousandth', partial(_six_bar, jams=True),
         exists=False,
     ),
 )  # fmt: skip
