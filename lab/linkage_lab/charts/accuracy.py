@@ -75,8 +75,11 @@ _BITS = (12, 14, 16, 18, 20)
 _BANDWIDTHS = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 40.0, 60.0, 80.0, 120.0, 160.0, 240.0)  # Hz
 _RPM = 150.0
 _DAMPING = 20.0  # motor damping, N m s; keeps the speed within 3 % of 150 rpm
+_SENSED = 2.0  # largest speed that the speed sensor measures, relative to 150 rpm
 _PERIOD = 1_000_000  # between measurements, ns
-_TURN = 400  # measurements per turn; the filter settles for two turns, the next two are compared
+_TURN = 400  # measurements per turn
+# Turns in which the filter settles, and in all; the torque is compared in those between.
+_SETTLING, _TURNS = 2, 4
 
 
 def _style(marker: str, color: Color, size: float = 6.0, *, filled: bool = True) -> dict[str, Any]:
@@ -280,36 +283,47 @@ def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], str]:
     whether the velocity is also measured, the bandwidth of the filter, Hz, and the largest torque
     error, relative to the peak torque at a constant speed.
     """
-    mechanism, speed = load('quadrilateral').mechanism, _RPM * math.pi / 30
-    solver, motor = Solver(mechanism), Motor(_DAMPING * speed, _DAMPING)
-    run = OfPackage(InitialValueProblem(mechanism, (0.0, speed), motor), live_steps)
-    ticks = range(1, 4 * _TURN + 1)
-    q, u = np.transpose([run.at(n * _PERIOD * 1e-9) for n in ticks])
-
-    def torque(q: Array, u: Array, a: Array) -> Array:
-        return np.asarray(solver.state(q, u, a).torque[2 * _TURN :])
-
-    true = torque(q, u, solver.accelerations(q, u, motor.at(u)))
-
-    turn = np.linspace(0.0, 2 * math.pi, _TURN)
-    peak = np.abs(solver.state(turn, np.full(_TURN, speed), np.zeros(_TURN)).torque).max()
+    speed, solver = _RPM * math.pi / 30, Solver(load('quadrilateral').mechanism)
+    motor = Motor(_DAMPING * speed, _DAMPING)
+    run = OfPackage(InitialValueProblem(solver.mechanism, (0.0, speed), motor), live_steps)
+    stamps = [n * _PERIOD for n in range(1, _TURNS * _TURN + 1)]  # ns
+    q, u = np.transpose([run.at(stamp * 1e-9) for stamp in stamps])  # rad, rad/s
+    compared = slice(_SETTLING * _TURN, None)
+    true = solver.state(q, u, solver.accelerations(q, u, motor.at(u))).torque[compared]
+    peak = _peak_torque(solver, speed)
     bits, bandwidths = (_BITS[::2], _BANDWIDTHS[::4]) if quick else (_BITS, _BANDWIDTHS)
     kinds, points = list(itertools.product((False, True), bits)), []
-    for velocity, bit in progress(kinds, 'errors, a measured crank'):
-        step, pace = 2 * math.pi / 2**bit, 4 * speed / 2**bit
-        angles = (step * np.rint(q / step)).tolist()
-        speeds = (pace * np.rint(u / pace)).tolist() if velocity else [None] * len(ticks)
-        measured = list(zip(ticks, angles, speeds, strict=True))
+    for has_velocity, bit in progress(kinds, 'errors, a measured crank'):
+        steps = 2**bit  # per turn, or in the range of the speed sensor
+        angles = _rounded(q, 2 * math.pi / steps)
+        speeds = _rounded(u, 2 * _SENSED * speed / steps) if has_velocity else [None] * len(u)
+        measurements = list(zip(stamps, angles, speeds, strict=True))
         for bandwidth in bandwidths:
             motion = FollowMotion(bandwidth, solver.reach.period_turns)
-            found = [motion.at(n * _PERIOD, *one)[:3] for n, *one in measured]
-            followed = torque(*np.transpose(found)[0])
+            followed = [motion.at(stamp, angle, rate) for stamp, angle, rate in measurements]
+            angle = np.concatenate([found.q for found in followed])
+            velocity = np.concatenate([found.u for found in followed])
+            acceleration = np.concatenate([found.a for found in followed])
+            torque = solver.state(angle, velocity, acceleration).torque[compared]
             points.append({
-                'bits': bit, 'measured_velocity': velocity, 'follow_bandwidth': bandwidth,
-                'max_error': float(np.abs(followed - true).max() / peak),
+                'bits': bit, 'measured_velocity': has_velocity, 'follow_bandwidth': bandwidth,
+                'max_error': float(np.abs(torque - true).max() / peak),
             })  # fmt: skip
-    rpm = u[2 * _TURN :] * 30 / math.pi
+    rpm = u[compared] * 30 / math.pi
     return points, f'{rpm.min():.0f} to {rpm.max():.0f} rpm'
+
+
+def _peak_torque(solver: Solver, speed: float) -> float:
+    """Returns the largest driving torque in a turn at a constant speed, rad/s, N m."""
+    turn = np.linspace(0.0, 2 * math.pi, _TURN)
+    torque = solver.state(turn, np.full(_TURN, speed), np.zeros(_TURN)).torque
+    return float(np.abs(torque).max())
+
+
+def _rounded(values: Array, step: float) -> list[float]:
+    """Returns values as an encoder or sensor with this step measures them."""
+    rounded: list[float] = (step * np.rint(values / step)).tolist()
+    return rounded
 
 
 def draw_follow(points: Sequence[dict[str, Any]], title: str, files: Pictures) -> None:
@@ -326,7 +340,7 @@ def draw_follow(points: Sequence[dict[str, Any]], title: str, files: Pictures) -
             _log_axes(axes, ylim=(1.0, 100.0), xlabel='follow_bandwidth, Hz')
             chosen = [p for p in points if p['measured_velocity'] == velocity]
             lines = itertools.groupby(chosen, key=lambda p: p['bits'])
-            for (bits, group), style in zip(lines, _ENCODERS, strict=False):
+            for (bits, group), style in zip(lines, _ENCODERS, strict=False):  # fewer if quick
                 line = [(p['follow_bandwidth'], 100 * p['max_error']) for p in group]
                 axes.plot(*zip(*line, strict=True), linewidth=1.2, label=f'{bits} bit', **style)
             axes.axvline(
