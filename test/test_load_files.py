@@ -278,7 +278,7 @@ def test_files_of_curves_are_read_beside_the_parameter_file(tmp_path):
 def test_units_that_are_probably_wrong_are_noted(tmp_path):
     loaded = 'loads: {x: {kind: link, link: slider, force: 1.0}}'
     cases = {
-        f'{FOUR}, crank_angle: 30.0': ['crank_angle = 30 rad = 278.9 deg .* 30 deg = 0.5236 rad'],
+        f'{FOUR}, crank_angle: 30.0': ['crank_angle = 30 rad = 278.9 deg .* 30deg = 0.5236 rad'],
         FOUR: ['no link has a mass .*: the torque is 0'],
         f'{FOUR}, joints: {{rocker: {{zero: 90.0}}}}': ['joints.rocker.zero = 90 rad'],
         f'{SLIDER}, joints: {{slider: {{zero: 9.0}}}}, {loaded}': [],

@@ -425,6 +425,9 @@ class Structure(NamedTuple):
         Raises:
             ConfigurationError: There is no such link or pin, or both are given.
         """
+        if not pin and not link:
+            valid = ', '.join((*(x.name for x in self.links), *others))
+            raise ConfigurationError(f'{what} is missing: must be one of {valid}; or give pin')
         if not pin:
             is_fixed = link in others
             index = FRAME if is_fixed else self.link_index(link, what, *others)
