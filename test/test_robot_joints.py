@@ -32,7 +32,8 @@ from state_messages import messages_at, messages_of
 from trajectory_msgs.msg import JointTrajectory
 
 from linkage_lab.robots.import_tool import parameter_text, read_robot
-from linkage_lab.robots.planar_loop import find_loop
+from linkage_lab.robots.loops import Request
+from linkage_lab.robots.robot_drawing import draw_robot
 from linkage_ros import ConfigurationError, read_log
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
@@ -118,7 +119,7 @@ def robot_of(name, tmp_path, number=0, hip=None):
         driven = made.joints['rod' if values.get('input') == 'cylinder' else 'crank'][0]
         try:
             world = 'root' if hip else ''
-            found = find_loop(robot, driven, made.close, at=at, world=world)
+            found = draw_robot(robot, Request(driven, [made.close], at=at, world=world))
             break
         except ConfigurationError:
             assert trials < 100

@@ -10,14 +10,13 @@ import mujoco  # required by these tests: without it they must fail, not be skip
 import numpy as np
 import pytest
 from robots import Tree, make_robot
-from test_import import pose_of, random_values
+from test_import import joints_of, pose_of, random_values
 
 from linkage_lab.robots.import_tool import read_robot
-from linkage_lab.robots.planar_loop import find_loop
+from linkage_lab.robots.loops import Request
+from linkage_lab.robots.robot_drawing import draw_robot
 from linkage_ros import ConfigurationError
-from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.quantities import build
 
 SEEDS = 60  # 300 were tried once, and 299 robots in URDF against Pinocchio 4.1
 
@@ -102,43 +101,49 @@ def imported(random, seed, tmp_path):
         driven = 'crank_motor'
         if 'slider' in made.joints and random.integers(2):
             driven = made.joints['slider'][0]
-        return path, made.close, driven, find_loop(robot, driven, at=pose)
+        return path, made.close, driven, draw_robot(robot, Request(driven, at=pose))
     driven = made.joints['rod' if cut == 'A0' or random.integers(2) else 'crank'][0]
     for _ in range(200):  # until the loop closes
         at = {name: random.uniform(-3, 3) for name in refs}
         if driven == made.joints['rod'][0]:
             at[driven] = refs[driven] + random.uniform(-0.3, 0.3) * values['stroke']
         with suppress(ConfigurationError):
-            return path, made.close, driven, find_loop(robot, driven, at=at)
+            return path, made.close, driven, draw_robot(robot, Request(driven, at=at))
     return pytest.fail('the loop never closes')
 
 
 @pytest.mark.parametrize('seed', range(SEEDS))
 def test_random_mjcf_has_the_pose_and_torque_of_mujoco(seed, tmp_path):
-    random = np.random.default_rng(seed)
-    path, close, name, found = imported(random, seed, tmp_path)
-    solver = Solver(build(MECHANISMS[found.kind], found.values))
-    rate, change = 2.0, 3.0
-    (driven,) = (joint for joint in found.joints.values() if joint.name == name)
-    start = driven.zero + found.closed[driven.name] / driven.ratio
-    state = solver.state(start, rate, change)
-    size = max(value for name, value in found.values.items() if name.endswith('.length'))
+    path, close, name, found = imported(np.random.default_rng(seed), seed, tmp_path)
+    compare_with_mujoco(path, [close], name, found)
 
+
+def compare_with_mujoco(path, closes, name, found, rate=2.0, change=3.0):
+    """Compares pose and torque as drawn with those of MuJoCo's tree.
+
+    Args:
+        path: The model.
+        closes: Pairs of links with sites named after them, which meet.
+        name: The driven joint.
+        found: Its drawing.
+        rate: Rate of the driven link.
+        change: Its acceleration.
+    """
+    solver = Solver(found.mechanism)
+    state = solver.state(found.mechanism.drawn.position, rate, change)
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
-    moved = dict(zip(solver.links, zip(*state[:3], strict=True), strict=True))
-    for link, joint in found.joints.items():
-        is_relative = joint.parent != 'frame' and link not in {'rod', 'slider'}
-        above = moved[joint.parent] if is_relative else (0.0, 0.0, 0.0)
-        own = np.subtract(moved[link], above) - (joint.zero, 0.0, 0.0)
-        at = model.joint(joint.name)
-        data.qpos[at.qposadr], data.qvel[at.dofadr], data.qacc[at.dofadr] = own * joint.ratio
+    rows = joints_of(found, solver, state)
+    for joint, values in rows.items():
+        at = model.joint(joint)
+        data.qpos[at.qposadr], data.qvel[at.dofadr], data.qacc[at.dofadr] = values
     acceleration, efforts = data.qacc.copy(), np.zeros(model.nv)
     mujoco.mj_fwdPosition(model, data)
     mujoco.mj_fwdVelocity(model, data)
     data.qacc[:] = acceleration
-    gap = data.site(f'{close[0]}_site').xpos - data.site(f'{close[1]}_site').xpos
-    assert math.hypot(*gap) < 1e-9 * size
+    for close in closes:
+        gap = data.site(f'{close[0]}_site').xpos - data.site(f'{close[1]}_site').xpos
+        assert math.hypot(*gap) < 1e-9 * found.size
     mujoco.mj_rne(model, data, 1, efforts)
     powers = efforts * data.qvel
     error = abs(state.torque - powers.sum() / rate)

@@ -301,8 +301,9 @@ def _bad_lists(drawing: Drawing) -> Iterator[str]:
             if pin not in drawing.pins:
                 known = listed(drawing.pins)
                 yield f'{label}: no pin {shown(pin)} in drawing.pins, which has {known}'
+    guides = {slide.on for slide in drawing.slides}
     for label, part, pins in _parts(drawing):
-        if isinstance(part, DrawnLink) and len(pins) < 2:
+        if isinstance(part, DrawnLink) and len(pins) + (part.name in guides) < 2:
             yield f'{label}.pins = {list(pins)}: a link needs two pins or more'
 
 

@@ -1,23 +1,26 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_import: writes a parameter file from the closed loop of a robot model."""
+"""linkage_import: writes a parameter file from the closed loops of a robot model."""
 
 import argparse
 import json
 import math
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from linkage_lab.robots.loops import Request
 from linkage_lab.robots.model import Robot
-from linkage_lab.robots.planar_loop import PlanarLoop, find_loop
+from linkage_lab.robots.robot_drawing import FRAME, RobotDrawing, draw_robot
 from linkage_lab.robots.sdf import read_sdf
 from linkage_lab.robots.urdf import read_urdf
 from linkage_ros import ConfigurationError, cli
+from linkage_ros.extensions import MECHANISMS
 from linkage_ros.internals import (
     configure,
     create_file,
@@ -70,83 +73,91 @@ def read_robot(path: Path) -> Robot:
     )
 
 
-def parameter_text(loop: PlanarLoop, source: str) -> str:
-    """Formats the parameter file of a linkage that was found in a robot.
+def parameter_text(found: RobotDrawing, source: str) -> str:
+    """Formats the parameter file of the linkage of a robot.
 
     Args:
-        loop: The linkage.
+        found: The linkage.
         source: Name of the model, for the comment.
 
     Returns:
         The YAML text.
     """
-    frame = loop.bodies['frame'][0]
-    values = {'drive': 'follow', **loop.values}
+    frame = found.bodies[FRAME][0]
     # The plane is a frame of its own: traced points are in its axes, not in those of the link.
-    values['frame_id'] = re.sub('[^A-Za-z0-9_./-]', '_', f'{frame}_plane')
-    groups = dict[str, list[str]]()
-    for name, value in values.items():
-        group, _, rest = name.rpartition('.')
-        groups.setdefault(group, []).append(f'{rest}: {json.dumps(value)}')
-    origin, x, y, _ = (', '.join(f'{part:.9g}' for part in axis) for axis in loop.axes)
+    frame_id = re.sub('[^A-Za-z0-9_./-]', '_', f'{frame}_plane')
+    values = {'mechanism': 'drawing', 'drive': 'follow', 'frame_id': frame_id}
+    tree: dict[str, Any] = {}
+    for name, value in (values | found.parameters).items():
+        *groups, last = name.split('.')
+        at = tree
+        for group in groups:
+            at = at.setdefault(group, {})
+        at[last] = value
+    origin, x, y, _ = (', '.join(f'{part:.9g}' for part in axis) for axis in found.axes)
     lines = [
         f'# Written by {_NAME} from {printable(source)}.',
-        f'# {values["frame_id"]} in the axes of {printable(frame)}:',
+        f'# {frame_id} in the axes of {printable(frame)}:',
         f'# origin [{origin}], x [{x}], y [{y}].',
         '/**:',
         '  ros__parameters:',
-        *(f'    {line}' for line in groups.pop('')),
-        *(f'    {group}: {{{", ".join(parts)}}}' for group, parts in groups.items()),
-        '    joints:',
+        *_lines(tree, '    '),
     ]
-    for link, joint in loop.joints.items():
-        parts = [f'{name}: {json.dumps(value)}' for name, value in joint._asdict().items()]
-        usual = {'coupler': 'crank', 'rod': 'barrel'}.get(link, 'frame')
-        lines.append(
-            f'      {link}: {{{", ".join(parts[:-1] if joint.parent == usual else parts)}}}'
-        )
     return '\n'.join(lines) + '\n'
 
 
-def summary(loop: PlanarLoop) -> str:
-    """Describes what was found, one line for each link and joint, and the residual of the loop."""
-    values, joints = loop.values, loop.joints
-    normal = ', '.join(f'{part:.6g}' for part in loop.axes[-1])
-    frame = loop.bodies['frame']
+def _lines(tree: Mapping[str, Any], indent: str) -> Iterator[str]:
+    """Yields the lines of a group; a group of values alone is one line."""
+    for name, value in tree.items():
+        if not isinstance(value, dict):
+            yield f'{indent}{name}: {json.dumps(value)}'
+        elif any(isinstance(x, dict) for x in value.values()) or name == 'pins':
+            yield f'{indent}{name}:'
+            yield from _lines(value, f'{indent}  ')
+        else:
+            parts = (f'{word}: {json.dumps(x)}' for word, x in value.items())
+            yield f'{indent}{name}: {{{", ".join(parts)}}}'
+
+
+def summary(found: RobotDrawing) -> str:
+    """Describes what was found: each link with its joint, and the residual of the loops."""
+    values, mechanism = found.values, found.mechanism
+    kind = next(name for name, kind in MECHANISMS.items() if kind is type(mechanism))
+    dyads = len(mechanism.dyads)
+    more = f' and {dyads} dyad{"s" if dyads > 1 else ""}' if dyads else ''
+    normal = ', '.join(f'{part:.6g}' for part in found.axes[-1])
     lines = [
-        ', '.join([loop.kind, *filter(None, [values.get('assembly')])])
-        + f', in the plane normal to [{normal}] of {frame[0]}',
-        f'  frame    {_named(frame)}'
-        + (f', {values["frame.length"]:.9g} m' if 'frame.length' in values else ''),
+        f'{kind}{more}, in the plane normal to [{normal}] of {found.bodies[FRAME][0]}',
+        f'  frame: {_named(found.bodies[FRAME])}',
     ]
-    for link, joint in joints.items():
-        what = f'{values[f"{link}.mass"]:.9g} kg'
-        if f'{link}.length' in values:
-            what = (
-                f'{values[f"{link}.length"]:.9g} m, {what}, {values[f"{link}.inertia"]:.6g} kg m^2'
-            )
-        lines.append(f'  {link:8} {_named(loop.bodies[link])}, {what}')
+    for link, joint in found.joints.items():
+        part = mechanism.parts()[link]
+        what = [f'{part.length:.9g} m'] if hasattr(part, 'length') else []
+        what.append(f'{part.mass:.9g} kg')
+        if getattr(part, 'inertia', 0.0):
+            what.append(f'{part.inertia:.6g} kg m^2')
+        lines.append(f'  {link}: {_named(found.bodies[link])}, {", ".join(what)}')
+        own = f'own - {joint.zero:.9g}'
         lines.append(
-            f'           {joint.name} = {joint.ratio:g} x (own - {joint.zero:.9g}), from the '
-            f'{joint.parent}'
+            f'    {joint.name} = {joint.ratio:g} x ({own})'
+            + (f', from {joint.parent}' if joint.parent else '')
         )
     x, y = values['gravity']
-    lines.append(f'  gravity  [{x:.6g}, {y:.6g}] m/s^2')
+    lines.append(f'  gravity: [{x:.6g}, {y:.6g}] m/s^2')
     if 'frame_joint.name' in values:
         (x, y), ratio = values['frame_joint.pivot'], values['frame_joint.ratio']
         lines[-1] += f' with {values["frame_joint.name"]} at 0, which turns the frame'
         lines[-1] += f' by {ratio:g} x its value about [{x:.9g}, {y:.9g}] m'
-    poses = (
+    given, closed = (
         ', '.join(f'{name} {value:.9g}' for name, value in pose.items())
-        for pose in (loop.given, loop.closed)
+        for pose in (found.given, found.closed)
     )
-    given, closed = poses
-    lines.append(f'as given, the ends of the loop are {loop.gap:.3g} m apart: {given}')
-    word = 'closed' if loop.is_closed else 'as nearly closed as its axes allow'
-    lines.append(f'{word}, with a residual of {loop.residual:.2g} m: {closed}')
-    if loop.across > _LAYER:
-        lines.append(f'the ends stay {loop.across:.6g} m apart along the normal')
-    return '\n'.join([*lines, *(f'note: {note}' for note in loop.notes)])
+    lines.append(f'as given, the ends of the loops are {found.gap:.3g} m apart: {given}')
+    word = 'closed' if found.is_closed else 'as nearly closed as its axes allow'
+    lines.append(f'{word}, with a residual of {found.residual:.2g} m: {closed}')
+    if found.across > _LAYER:
+        lines.append(f'the ends stay {found.across:.6g} m apart along the normal')
+    return '\n'.join([*lines, *(f'note: {note}' for note in found.notes)])
 
 
 def _named(links: Sequence[str]) -> str:
@@ -169,13 +180,14 @@ def import_robot(options: argparse.Namespace) -> None:
     if options.weld and not options.close:
         raise ConfigurationError('--weld needs --close TIP_LINK PIN_LINK')
     robot = read_robot(options.robot)
-    up = None if options.up is None else np.array(options.up)
+    request = Request(
+        options.crank, [(tip, pin) for tip, pin in options.close], options.frame or '',
+        dict(options.at), None if options.up is None else np.array(options.up),
+        options.world or '', options.weld,
+    )  # fmt: skip
     try:
-        loop = find_loop(
-            robot, options.crank, options.close and tuple(options.close), options.frame or '',
-            dict(options.at), up, options.world or '', weld=options.weld,
-        )  # fmt: skip
-        configuration = configure({'drive': 'follow', **loop.values})
+        found = draw_robot(robot, request)
+        configuration = configure({'drive': 'follow', **found.parameters})
     except ConfigurationError as error:
         raise ConfigurationError(f'{options.robot}: {error}') from error
     if is_same_file(str(options.out), str(options.robot)):
@@ -183,8 +195,8 @@ def import_robot(options: argparse.Namespace) -> None:
     with create_file(
         options.out, ConfigurationError, overwrite=options.overwrite, cure='give --overwrite'
     ) as stream:
-        stream.write(parameter_text(loop, options.robot.name).encode())
-    print(summary(loop))
+        stream.write(parameter_text(found, options.robot.name).encode())
+    print(summary(found))
     for line in notes(configuration):
         print(f'note: {line}')
     print(options.out)
@@ -218,7 +230,8 @@ def _component(text: str) -> float:
 def _parser() -> argparse.ArgumentParser:
     parser = cli.make_parser(
         _NAME,
-        'Write the parameter file of a closed loop in a robot model (URDF, SDF or MJCF).',
+        'Write the parameter file of the closed loops of a motor in a robot model (URDF, SDF or '
+        'MJCF).',
         ('robot.urdf --crank knee_motor --close pushrod_tip shank_pin -o leg.yaml',
          'gripper.xml --crank right_driver_joint -o gripper.yaml'),
     )  # fmt: skip
@@ -230,17 +243,17 @@ def _parser() -> argparse.ArgumentParser:
             'help': 'the driven joint, on the frame, or a cylinder or slider',
         }),
         (('--close',), None, {
-            'nargs': 2, 'metavar': ('TIP_LINK', 'PIN_LINK'),
-            'help': 'two links whose origins coincide in the closed loop; not needed if the file '
-            'closes one loop with the crank itself',
+            'nargs': 2, 'metavar': ('TIP_LINK', 'PIN_LINK'), 'action': 'append', 'default': [],
+            'help': 'two links whose origins coincide in the closed loop; repeat it for each loop '
+            'of the motor; not needed if the file closes the loops itself',
         }),
         (('--weld',), None, {
             'action': 'store_true',
-            'help': 'the two links of --close are fixed to each other in the closed loop',
+            'help': 'the two links of each --close are fixed to each other',
         }),
         (('--frame',), None, {
-            **text, 'help': 'a link that carries the fixed pivots (default: the first common '
-            'link of both ends)',
+            **text, 'help': 'a link that carries the fixed pivots (default: that of the '
+            'loops nearest to the root)',
         }),
         (('--at',), None, {
             'action': 'append', 'default': [], 'metavar': 'JOINT=VALUE', 'type': _joint_value,
