@@ -26,6 +26,7 @@ from linkage_ros import (
     FourBar,
     LinkageError,
     Mechanism,
+    Solver,
     UnreachableError,
 )
 from linkage_ros.extensions import MECHANISMS
@@ -149,7 +150,7 @@ class _Drawn(NamedTuple):
             UnreachableError: It does not close there.
         """
         links = mechanism.structure().links
-        places = [float(link.position) for link in mechanism.chain().pose((position,)).links]
+        places = _places(mechanism, position)
         found = {}
         for i, link in enumerate(links):
             joint = self.joints[link.name]
@@ -330,8 +331,7 @@ class _Artist:
     ) -> dict[str, JointMap]:
         """Returns the robot's joint of each link: the one towards the frame."""
         links, found = mechanism.structure().links, dict[str, JointMap]()
-        poses = mechanism.chain().pose((_position(mechanism),)).links
-        places = [float(link.position) for link in poses]
+        places = _places(mechanism, _position(mechanism))
         index = {link.name: i for i, link in enumerate(links)}
         for step in self.plane.steps:
             near, far = self.names[step.near], self.names[step.far]
@@ -341,8 +341,9 @@ class _Artist:
             if not step.side:
                 parent, is_far = '', links[i].slides and links[i].parent == above
                 i = i if is_far else index[near]
-                way, guide = pose[step.near][1] * step.way, poses[i].direction
-                along = way.real * float(guide.x) + way.imag * float(guide.y)
+                spin, angle = axes_of(links, i)
+                guide = cmath.rect(1.0, (angle or 0.0) + (0.0 if spin is None else places[spin]))
+                along = (pose[step.near][1] * step.way * guide.conjugate()).real
                 ratio = math.copysign(1.0, along if is_far else -along)
             elif links[i].slides:  # it turns with the link on which it slides
                 i = next(x for x in [spin_of(links, i)] if x is not None)
@@ -659,6 +660,16 @@ def _assemblies(mechanism: Mechanism) -> Iterator[Mechanism]:
 def _position(mechanism: Mechanism) -> float:
     """Returns the position of the driven link as drawn, rad or m."""
     return mechanism.drawn.position if mechanism.drawn else 0.0
+
+
+def _places(mechanism: Mechanism, position: float) -> list[float]:
+    """Returns the positions of the links, rad or m, at one of the driven link.
+
+    Raises:
+        UnreachableError: The mechanism does not close there.
+    """
+    state = Solver(mechanism, traced=False).state(position)
+    return [float(place) for place in state.position]
 
 
 def _point(mechanism: Mechanism, name: str) -> str:
