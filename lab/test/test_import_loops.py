@@ -2,29 +2,32 @@
 # SPDX-License-Identifier: Apache-2.0
 """Robots with several loops on one motor, compared with MuJoCo's own kinematics and dynamics.
 
-A model is made from a random mechanism with dyads: its bodies have random frames in a tilted plane,
-its tree is random, and each joint has a `ref`.
+A model is made from a random mechanism with dyads: its bodies have random frames in a tilted
+plane, its tree is random, and each joint has a `ref`.
 """
 
 import cmath
-import random as python_random
+import re
 from dataclasses import replace
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from robots import pose, random_rotation, rotated
-from ros_harness import assert_refused
+from robots import Tree, pose, random_rotation
+from ros_harness import assert_refused, verified
 from test_drawing import place_of, random_machine
+from test_import import joints_of
 from test_import_random import compare_with_mujoco, numbers, placed
 
 from linkage_lab.robots import import_tool
 from linkage_lab.robots.import_tool import read_robot
 from linkage_lab.robots.loops import Request
 from linkage_lab.robots.robot_drawing import draw_robot
-from linkage_ros import Conditions, ConfigurationError, SliderCrank, Solver
+from linkage_ros import SliderCrank, Solver, load, read_log
 from linkage_ros.mechanism.axes import axes_of
+from linkage_ros.programs.record import record
+from linkage_ros.settings.yaml_file import read_parameter_file
 
 SEEDS = 40  # 600 were tried once
 UP = np.array((0.0, 0.0, 1.0))
@@ -123,9 +126,7 @@ def made(mechanism, q, random):
         center = random.normal(size=3) * 0.1
         if links[far].is_guided:  # in its pin, as torque does not depend on it
             center = (np.linalg.inv(own) @ (*space(place), 1.0))[:3]
-        ET.SubElement(
-            element, 'inertial', pos=numbers(center), mass=repr(mass), fullinertia=six
-        )
+        ET.SubElement(element, 'inertial', pos=numbers(center), mass=repr(mass), fullinertia=six)
     equality, closes = ET.SubElement(model, 'equality'), []
     for name, one, other, place, _ in closures:
         ends = f'{name} one', f'{name} other'
@@ -175,3 +176,148 @@ def test_loops_that_share_links_have_pose_and_torque_of_mujoco(seed, tmp_path):
     for pin in model.pins:
         apart = [pin - place for place in places]
         assert min(np.linalg.norm(z - (z @ normal) * normal) for z in apart) < 1e-9
+
+
+# ---------------------------------------------------------------- two loops of a leg
+
+ZEROS = 'ixy="0" ixz="0" iyz="0"'
+LINKS = {  # place of the joint in the parent, mass, and centre
+    'motor-arm': ('root', 'knee motor', '0 0 0', 0.15, '0.025 0 0'),
+    'rod_1': ('motor-arm', 'y', '0.05 0.01 0', 0.1, '0.05 0 -0.04'),
+    'thigh': ('root', 'thigh_joint', '0.12 0.02 -0.02', 1.0, '0 0 -0.15'),
+    'rod_2': ('root', 'rod_2_joint', '0.06 0.03 -0.04', 0.12, '0 0 -0.14'),
+    'shank': ('thigh', 'knee', '0 0 -0.3', 0.6, '0 0 -0.15'),
+    'toe': ('shank', 'toe_joint', '0 0 -0.3', 0.05, '0 0 0'),
+}
+FIXED = {  # links without a joint of their own: parent and place
+    'rod_1_tip': ('rod_1', '0.09 0 -0.08'), 'thigh_lug': ('thigh', '0.02 -0.01 -0.06'),
+    'rod_2_tip': ('rod_2', '0.01 0 -0.27'), 'shank_lug': ('shank', '-0.05 0 0.01'),
+    'sensor': ('rod_1', '0.01 0 0'),
+}  # fmt: skip
+
+
+def leg(**changes):
+    """Returns a URDF of a leg with two loops; `changes` replace joints by other kinds."""
+    parts = ['<link name="root"/>']
+    for link, (parent, name, place, mass, center) in LINKS.items():
+        kind = changes.get(name, 'continuous')
+        parts.append(
+            f'<link name="{link}"><inertial><origin xyz="{center}"/><mass value="{mass}"/>'
+            f'<inertia ixx="1e-3" iyy="{mass / 100}" izz="1e-3" {ZEROS}/></inertial></link>'
+            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{link}"/>'
+            f'<origin xyz="{place}"/><axis xyz="0 1 0"/></joint>'
+        )
+    for link, (parent, place) in FIXED.items():
+        parts.append(
+            f'<link name="{link}"><inertial><mass value="0.02"/><inertia ixx="1e-6" iyy="1e-6" '
+            f'izz="1e-6" {ZEROS}/></inertial></link><joint name="{link}_weld" type="fixed">'
+            f'<parent link="{parent}"/><child link="{link}"/><origin xyz="{place}"/></joint>'
+        )
+    return f'<robot name="leg">{"".join(parts)}</robot>'
+
+
+FIRST, SECOND = ('rod_1_tip', 'thigh_lug'), ('rod_2_tip', 'shank_lug')
+BOTH = '--close', *FIRST, '--close', *SECOND
+
+
+@pytest.fixture
+def run(called, tmp_path):
+    """Imports the leg; returns the parameters and the output, or exit code and messages."""
+
+    def start(*arguments, text=None, name='leg.urdf'):
+        path, out = tmp_path / name, tmp_path / 'leg.yaml'
+        path.write_text(text or leg())
+        code, printed, error = called(import_tool, path, '-o', out, '--overwrite', *arguments)
+        return (read_parameter_file(out), printed) if code == 0 else (code, printed, error)
+
+    return start
+
+
+def test_two_loops_have_the_torque_of_the_whole_robot(tmp_path):
+    path = tmp_path / 'leg.urdf'
+    path.write_text(leg())
+    found = draw_robot(read_robot(path), Request('knee motor', [FIRST, SECOND]))
+    solver, tree = Solver(found.mechanism), Tree(leg())
+    for move in np.linspace(-1, 1, 9):
+        state = solver.state(found.mechanism.drawn.position + move, 2.0, 30.0)
+        rows = zip(*joints_of(found, solver, state).items(), strict=True)
+        names, values = next(rows), next(rows)
+        q, u, a = (dict(zip(names, row, strict=True)) for row in zip(*values, strict=True))
+        for close in (FIRST, SECOND):
+            assert flat_gap(tree, q, close) < 1e-12
+        tree.inertials.pop('toe', None)  # beyond a joint that is in no loop
+        power = tree.power(q, u, a)
+        assert state.torque == pytest.approx(power / 2.0, rel=1e-11)
+
+
+def flat_gap(tree, q, close):
+    """Returns the distance of two links in the plane, m."""
+    places = [tree.moving(q)[link][0][:3, 3] for link in close]
+    return float(np.linalg.norm((places[0] - places[1])[[0, 2]]))
+
+
+def test_names_that_parameters_cannot_have_are_replaced_and_kept_as_names_of_joints(run):
+    values, _ = run('--crank', 'knee motor', *BOTH)
+    assert values['drawing.input'] == 'motor_arm'
+    assert values['joints.motor_arm.name'] == 'knee motor'
+    assert values['joints.rod_1.name'] == 'y'
+    assert {'drawing.pins.knee_motor', 'drawing.pins.pin_y'} <= values.keys()
+
+
+def test_a_branch_is_lumped_if_it_is_fixed_and_left_out_with_a_note_if_it_moves(run):
+    values, printed = run('--crank', 'knee motor', *BOTH)
+    assert values['drawing.links.rod_1.mass'] == pytest.approx(0.14)  # with tip and sensor
+    assert values['drawing.links.shank.mass'] == pytest.approx(0.62)
+    assert 'toe_joint moves relative to shank, but is in no loop' in printed
+    fixed, printed = run('--crank', 'knee motor', *BOTH, text=leg(toe_joint='fixed'))
+    assert fixed['drawing.links.shank.mass'] == pytest.approx(0.67)
+    assert 'toe_joint' not in printed
+
+
+def test_a_loop_that_another_drives_may_be_left_out(run):
+    values, printed = run('--crank', 'knee motor', '--close', *FIRST)
+    assert 'drawing.links.shank.mass' not in values
+    assert 'knee moves relative to thigh, but is in no loop' in printed
+
+
+def test_loops_of_two_motors_are_refused(run):
+    five = 'rod_1_tip', 'shank_lug'  # with the thigh: a five-bar
+    assert_refused(*run('--crank', 'knee motor', '--close', *five), 'have 2 .* a file for each')
+    assert_refused(
+        *run('--crank', 'knee motor', '--close', *FIRST, '--close', 'rod_2_tip', 'root'),
+        'of rod_2_joint: it shares no joint .* write two files',
+    )
+    assert_refused(*run('--crank', 'toe_joint', *BOTH), 'must contain the crank')
+
+
+def test_a_closure_too_many_is_refused_with_those_to_choose_from(run):
+    third = '--close', 'sensor', 'shank'
+    assert_refused(*run('--crank', 'knee motor', *BOTH, *third), 'have -1 .*sensor shank')
+
+
+def test_loops_that_a_model_closes_itself_are_taken_without_close(run):
+    expected, _ = run('--crank', 'knee motor', *BOTH)
+    joint = (
+        '<gazebo><joint name="{0}" type="revolute"><parent>{1}</parent><child>{2}</child><axis>'
+        '<xyz>0 1 0</xyz></axis></joint></gazebo></robot>'
+    )
+    text = leg().replace('</robot>', joint.format('one', *FIRST[::-1]))
+    text = text.replace('</robot>', joint.format('two', *SECOND[::-1]))
+    values, printed = run('--crank', 'knee motor', text=text)
+    renamed = {'one': 'rod_1_tip', 'two': 'rod_2_tip'}
+    for name, pin in renamed.items():
+        assert f'{name} closes the loop: its value is not published' in printed
+        place = expected[f'drawing.pins.{pin}']
+        assert values[f'drawing.pins.{name}'] == pytest.approx(place, abs=1e-15)
+
+
+def test_a_written_file_records_and_verifies(run, tmp_path):
+    run('--crank', 'knee motor', *BOTH)
+    file = tmp_path / 'leg.yaml'
+    text = file.read_text()
+    (law,) = re.findall('^#   (motion: .*)', text, re.MULTILINE)
+    file.write_text(text.replace('drive: "follow"', f'drive: motion\n    {law}'))
+    log = tmp_path / 'leg.mcap'
+    record(load(str(file)), str(log), duration=1.0)
+    assert verified(log).ulp == 0
+    assert 'knee motor.position' in read_log(log)['/joint_states']

@@ -187,7 +187,7 @@ def _loops_of(
             closure
             for pair in close
             for closure in [x for x in closures if {*x.links} == {*pair}]
-            or [Closure(' and '.join(pair), pair, (zero, zero))]
+            or [Closure(pair[0], pair, (zero, zero))]
         ]
     waiting = [(closure, tree.edges_of_loop(closure)) for closure in closures]
     found, joints = list[_Loop](), {crank}

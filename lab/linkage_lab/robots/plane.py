@@ -19,12 +19,32 @@ from linkage_lab.robots.tree import Edge
 from linkage_ros import ConfigurationError
 from linkage_ros.formulas import Array
 
+FRAME = 'frame'
 _PARALLEL = 2e-3  # rad, largest angle between axes that count as parallel
 _NOTED = 1e-6  # rad, smallest such angle that is noted
 _SLANTED = 0.6  # shortest projection of an axis of the frame that gives the plane's y axis
 _MASSLESS = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
 _ROUNDS = 100  # of Newton's method
 _MET = 1e-10  # relative to the size: ends at this distance meet, but for rounding errors
+
+
+class JointMap(NamedTuple):
+    """The joint of the robot that moves a link of the mechanism.
+
+    Its value is ratio * (own - zero). `own` is the direction of the link minus that of `parent`,
+    rad, or the position of the slider, m.
+
+    Attributes:
+        name: Name of the joint; empty if it has none.
+        zero: Value of `own` at which the joint is at 0.
+        ratio: 1 or -1.
+        parent: Name of the link from which it is measured; empty if that is given by its guide.
+    """
+
+    name: str
+    zero: float
+    ratio: float
+    parent: str
 
 
 class Step(NamedTuple):

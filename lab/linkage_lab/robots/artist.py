@@ -1,0 +1,340 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Draws the loops of a robot at closed joint values, and maps the links to its joints."""
+
+import cmath
+import itertools
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from linkage_lab.robots.loops import Loops
+from linkage_lab.robots.model import listed
+from linkage_lab.robots.plane import FRAME, JointMap, Plane, Pose, Step
+from linkage_ros import ConfigurationError, Mechanism, Solver
+from linkage_ros.extensions import MECHANISMS
+from linkage_ros.formulas import Array
+from linkage_ros.internals import axes_of, spin_of, wrap
+from linkage_ros.quantities import build
+
+_DIGITS = 14  # kept of the longest length, so that links of equal length stay equal
+_NOISE = 1e-15  # relative to the longest link: differences below are rounding errors
+_SAME = 1e-9  # relative to the longest link: pins at this distance are one
+_OFF_PIN = 1e-6  # m, distance of a slider's centre of mass from its pin that is noted
+_NAME = '[A-Za-z](_?[A-Za-z0-9])*_?'
+_TAKEN = {'frame', 'world', 'base_link', 'y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false'}
+
+
+class Pin(NamedTuple):
+    """An axis about which bodies turn.
+
+    Attributes:
+        name: Name in the drawing.
+        joint: Name of its joint or closure in the robot.
+        places: Its place in the coordinates of each body, m.
+    """
+
+    name: str
+    joint: str
+    places: dict[int, complex]
+
+
+class Drawn(NamedTuple):
+    """A drawing at closed joint values.
+
+    Attributes:
+        values: Its parameters by dotted name.
+        mechanism: What it shows.
+        joints: The robot's joint of each link.
+        closed: The joint values.
+        blocks: The sliding joint of each block.
+    """
+
+    values: dict[str, Any]
+    mechanism: Mechanism
+    joints: dict[str, JointMap]
+    closed: dict[str, float]
+    blocks: dict[int, Step]
+
+    def values_at(self, mechanism: Mechanism, position: float) -> dict[str, float]:
+        """Returns the joint values of the mechanism, or of one in another assembly.
+
+        Raises:
+            UnreachableError: It does not close there.
+        """
+        links = mechanism.structure().links
+        places = _places(mechanism, position)
+        found = {}
+        for i, link in enumerate(links):
+            joint = self.joints[link.name]
+            move = _own(links, places, i, joint.parent) - joint.zero
+            found[joint.name] = joint.ratio * (move if link.slides else float(wrap(move))) + 0.0
+        return found
+
+
+class Artist:
+    """Draws loops in their plane.
+
+    Attributes:
+        loops: The loops.
+        plane: Their plane.
+        driven: The driven joint.
+        slides: The sliding joints.
+        names: Names of the links in the drawing, by number of the body.
+        pins: The pins.
+    """
+
+    def __init__(self, loops: Loops, plane: Plane) -> None:
+        """Names the links and pins.
+
+        Raises:
+            ConfigurationError: A body has no two pins, or the loops do not have one degree of
+                freedom.
+        """
+        self.loops, self.plane = loops, plane
+        self.slides = [step for step in plane.steps if not step.side]
+        taken = dict[str, None]()
+        tree = loops.tree
+        self.names = {loops.frame: FRAME}
+        for body in loops.bodies[1:]:
+            self.names[body] = _name(tree.name(body), 'link', taken)
+        self.pins = self._pins(taken)
+        self._require_pins()
+        self._require_one_motor()
+        self.driven = next(x for x in plane.steps if x.joint == loops.driven.joint.name)
+
+    def _pins(self, taken: dict[str, None]) -> list[Pin]:
+        """Returns the pins; joints of a body with a common axis are one."""
+        found = list[tuple[str, dict[int, complex]]]()
+        joined = [(x.joint, (x.near, x.far), x.places) for x in self.plane.steps if x.side]
+        joined += [(x.name, x.bodies, x.places) for x in self.plane.meetings]
+        for name, bodies, places in joined:
+            own = dict(zip(bodies, places, strict=True))
+            for other in [*found]:
+                common = own.keys() & other[1].keys()
+                if any(abs(own[x] - other[1][x]) < _SAME * self.plane.size for x in common):
+                    found.remove(other)
+                    name, own = other[0], other[1] | own
+            found.append((name, own))
+        order = [name for name, *_ in joined]
+        found.sort(key=lambda pin: order.index(pin[0]))
+        return [Pin(_name(name, 'pin', taken), name, places) for name, places in found]
+
+    def _require_pins(self) -> None:
+        sliding = [body for step in self.slides for body in (step.near, step.far)]
+        for body in self.loops.bodies[1:]:
+            own = [pin for pin in self.pins if body in pin.places]
+            if len(own) + (body in sliding) < 2:
+                raise ConfigurationError(
+                    f'all pins of {self.loops.tree.name(body)} are in one place: a link of the '
+                    'loop needs a length'
+                )
+            if not own:
+                raise ConfigurationError(
+                    f'{self.loops.tree.name(body)} only slides: a link of the loop needs a pin'
+                )
+
+    def _require_one_motor(self) -> None:
+        joints = len(self.slides) + sum(len(pin.places) - 1 for pin in self.pins)
+        free = 3 * (len(self.loops.bodies) - 1) - 2 * joints
+        if free == 1:
+            return
+        cure = 'write a file for each motor, with --close for the loops that it alone moves'
+        if free < 1:
+            pairs = dict.fromkeys(' '.join(x.links) for x in self.loops.closures)
+            cure = f'choose loops with --close, of {listed(pairs, "; ")}'
+        raise ConfigurationError(
+            f'the loops of {self.loops.driven.joint.name} have {free} degrees of freedom, where '
+            f'one motor needs 1: {cure}'
+        )
+
+    def draw(
+        self,
+        closed: dict[str, float],
+        blocks: dict[int, Step],
+        origin: str = '',
+        lengths: Mapping[str, float] | None = None,
+        moved: Mapping[str, complex] | None = None,
+    ) -> Drawn:
+        """Draws the loops at joint values.
+
+        Args:
+            closed: The values, at which the loops are closed.
+            blocks: The sliding joint of each block.
+            origin: Name of the pin at [0, 0]; empty for the origin of the frame.
+            lengths: Lengths of links by name that replace those drawn, m.
+            moved: Places of pins by name that replace those computed, m.
+
+        Raises:
+            ConfigurationError: The drawing shows no mechanism.
+        """
+        pose, lengths = self.plane.pose(closed), lengths or {}
+        sliding = (body for body, step in blocks.items() if step is self.driven)
+        driven = next(sliding, self.driven.far)
+        places = {pin.name: self._place(pose, pin) for pin in self.pins}
+        shift = places.get(origin, 0j)
+        places = {name: place - shift for name, place in places.items()} | {**(moved or {})}
+        values: dict[str, Any] = {
+            'mechanism': 'drawing',
+            'gravity': _pair(self._in_plane(self.plane.gravity), math.hypot(*self.plane.gravity)),
+            'drawing.input': self.names[driven],
+            'drawing.frame': [x.name for x in self.pins if self.loops.frame in x.places],
+        }
+        for name, place in places.items():
+            values[f'drawing.pins.{name}'] = _pair(place, self.plane.size)
+        for body in self.loops.bodies[1:]:
+            name, step, (place, turn) = self.names[body], blocks.get(body), pose[body]
+            mass = self.plane.mass(body)
+            part: dict[str, Any] = {'pins': [x.name for x in self.pins if body in x.places]}
+            is_guided = step is not None and step.near == self.loops.frame
+            if step:
+                part['direction'] = _pair(pose[step.near][1] * step.way, 1.0)
+                part['on'] = self.names[step.near if body == step.far else step.far]
+            part['mass'] = mass.mass
+            if not is_guided:
+                part['inertia'] = mass.inertia
+            if mass.mass and not is_guided:
+                part['center'] = _pair(place + turn * mass.center - shift, self.plane.size)
+            if name in lengths:
+                part['length'] = lengths[name]
+            group = f'drawing.{"slides" if step else "links"}.{name}'
+            values |= {f'{group}.{word}': value for word, value in part.items()}
+        mechanism: Mechanism = build(MECHANISMS['drawing'], values).converted()
+        joints = self._joints(mechanism, closed, pose)
+        return Drawn(values, mechanism, joints, closed, blocks)
+
+    def _in_plane(self, vector: Array) -> complex:
+        return complex(self.plane.x @ vector, self.plane.y @ vector)
+
+    def _place(self, pose: Pose, pin: Pin) -> complex:
+        """Returns the place of a pin on the body of it that is nearest to the frame, m."""
+        body = next(body for body in self.loops.bodies if body in pin.places)
+        place, turn = pose[body]
+        return place + turn * pin.places[body]
+
+    def _joints(
+        self, mechanism: Mechanism, closed: Mapping[str, float], pose: Pose
+    ) -> dict[str, JointMap]:
+        """Returns the robot's joint of each link: the one towards the frame."""
+        links, found = mechanism.structure().links, dict[str, JointMap]()
+        places = _places(mechanism, position_of(mechanism))
+        index = {link.name: i for i, link in enumerate(links)}
+        for step in self.plane.steps:
+            near, far = self.names[step.near], self.names[step.far]
+            above = None if near == FRAME else index[near]
+            i, ratio = index[far], step.side
+            parent = FRAME if above is None or spin_of(links, above) is None else near
+            if not step.side:
+                parent, is_far = '', links[i].slides and links[i].parent == above
+                i = i if is_far else index[near]
+                spin, angle = axes_of(links, i)
+                guide = cmath.rect(1.0, (angle or 0.0) + (0.0 if spin is None else places[spin]))
+                along = (pose[step.near][1] * step.way * guide.conjugate()).real
+                ratio = math.copysign(1.0, along if is_far else -along)
+            elif links[i].slides:  # it turns with the link on which it slides
+                i = next(x for x in [spin_of(links, i)] if x is not None)
+            zero = _own(links, places, i, parent) - closed[step.joint] / ratio
+            zero = zero if links[i].slides else float(wrap(zero))
+            found[links[i].name] = JointMap(step.joint, tidy(zero, 1.0) + 0.0, ratio, parent)
+        return {link.name: found[link.name] for link in links}
+
+    def blocks(self) -> Iterator[dict[int, Step]]:
+        """Yields the ways to call one body of each sliding joint the block, the other its guide.
+
+        The conversion solves the guide first.
+        """
+        fixed = {self.loops.frame, self.driven.far if self.driven.side else self.loops.frame}
+        pairs = [[x for x in (step.far, step.near) if x not in fixed] for step in self.slides]
+        for bodies in itertools.product(*pairs):
+            if len({*bodies}) == len(bodies):
+                yield dict(zip(bodies, self.slides, strict=True))
+
+    def frame_joint(self, origin: complex) -> dict[str, Any]:
+        """Returns the parameters of the joint that turns the frame, if there is one."""
+        found, edge = self.plane.frame_joint(), self.loops.frame_joint
+        if found is None or edge is None:
+            return {}
+        place, side = found
+        return {
+            'frame_joint.name': edge.joint.name,
+            'frame_joint.zero': 0.0,
+            'frame_joint.ratio': side,
+            'frame_joint.pivot': _pair(place - origin, self.plane.size),
+        }
+
+    def off_pin(self) -> Iterator[str]:
+        """Yields what is wrong if a slider's centre of mass is not its pin, as in the model.
+
+        Raises:
+            ConfigurationError: The frame turns, and the torque would be wrong.
+        """
+        for step in self.slides:
+            body, mass = step.far, self.plane.mass(step.far)
+            pin = next(pin for pin in self.pins if body in pin.places)
+            off = abs(mass.center - pin.places[body])
+            if step.near != self.loops.frame or not mass.mass or off <= _OFF_PIN:
+                continue
+            where = f'the centre of mass of {self.names[body]} is {off:.4g} m from its pin'
+            if self.loops.frame_joint:
+                raise ConfigurationError(
+                    f'{where}: on a frame that turns it must be in the pin; leave out --world for '
+                    'the torque on a frame at rest'
+                )
+            yield f'{where}, but is taken there: the moment on the guide is wrong'
+
+
+def position_of(mechanism: Mechanism) -> float:
+    """Returns the position of the driven link as drawn, rad or m."""
+    return mechanism.drawn.position if mechanism.drawn else 0.0
+
+
+def _places(mechanism: Mechanism, position: float) -> list[float]:
+    """Returns the positions of the links, rad or m, at one of the driven link.
+
+    Raises:
+        UnreachableError: The mechanism does not close there.
+    """
+    state = Solver(mechanism, traced=False).state(position)
+    return [float(place) for place in state.position]
+
+
+def point_of(mechanism: Mechanism, name: str) -> str:
+    """Returns the name in a drawing of a pin of its loop."""
+    return dict(mechanism.drawn.points)[name] if mechanism.drawn else name
+
+
+def _own(links: Sequence[Any], places: Sequence[float], i: int, parent: str) -> float:
+    """Returns the value of a link's joint before it is mapped, rad or m."""
+    if links[i].slides or parent == FRAME:
+        return places[i]
+    above = next(j for j, link in enumerate(links) if link.name == parent)
+    spin, guide = axes_of(links, above)
+    return places[i] - (0.0 if spin is None else places[spin]) - (guide or 0.0)
+
+
+def _name(text: str, kind: str, taken: dict[str, None]) -> str:
+    """Returns a valid name for a link or pin of the robot, and takes it."""
+    name = text if re.fullmatch(_NAME, text) else re.sub('[^A-Za-z0-9]+', '_', text).strip('_')
+    if not re.fullmatch(_NAME, name) or name.lower() in _TAKEN:
+        name = f'{kind}_{name}'.rstrip('_')
+    start = name if name not in taken else f'{name.rstrip("_")}_{kind}'
+    tries = itertools.chain([name, start], (f'{start}_{n}' for n in itertools.count(2)))
+    name = next(x for x in tries if x not in taken)
+    taken[name] = None
+    return name
+
+
+def _pair(place: complex, size: float) -> list[float]:
+    return [tidy(place.real, size), tidy(place.imag, size)]
+
+
+def to_digits(number: float, size: float) -> float:
+    """Rounds a number to a fixed fraction of a size; returns 0.0 instead of -0.0."""
+    return round(number, _DIGITS - math.ceil(math.log10(size))) + 0.0 if size else number
+
+
+def tidy(number: float, size: float) -> float:
+    """Rounds a number if that changes it by less than a rounding error of the size."""
+    rounded = to_digits(number, size)
+    return rounded if abs(rounded - number) <= _NOISE * size else number

@@ -1,0 +1,106 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What an import leaves out or assumes, and what is probably wrong in the model."""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+
+from linkage_lab.robots.loops import Loops
+from linkage_lab.robots.model import REVOLUTE
+from linkage_lab.robots.plane import FRAME, JointMap, Plane
+
+
+def notes_of(
+    loops: Loops,
+    plane: Plane,
+    values: Mapping[str, float],
+    names: Mapping[int, str],
+    joints: Mapping[str, JointMap],
+) -> Iterator[str]:
+    """Yields sentences about probably wrong values and omitted properties of a robot.
+
+    Args:
+        loops: The loops.
+        plane: Their plane.
+        values: Joint values of the given pose.
+        names: Names of the links in the drawing, by number of the body.
+        joints: The robot's joint of each link.
+    """
+    for joint in loops.robot.joints:
+        value = values.get(joint.name, 0.0)
+        if joint.kind == REVOLUTE and abs(value) > math.tau:
+            yield (
+                f'{joint.name} is at {value:g} rad; did you mean {value:g} deg = '
+                f'{math.radians(value):.4g} rad?'
+            )
+    yield from _simplified(loops, plane)
+    yield from _mimics(loops, joints)
+    yield from _beside(loops, names)
+
+
+def _simplified(loops: Loops, plane: Plane) -> Iterator[str]:
+    """Yields what the model has and the linkage has not, and what is assumed."""
+    for name, angle in plane.tilts:
+        yield (
+            f'the axis of {name} is {angle:.4g} rad ({math.degrees(angle):.3g} deg) off, but '
+            'is taken as exact'
+        )
+    robot = loops.robot
+    yield from robot.notes
+    left_out = {joint.name: joint.left_out for joint in robot.joints}
+    names = [step.joint for step in plane.steps]
+    closing = [x.joint for x in loops.closures if x.joint]
+    for name in (*names, *closing):
+        if text := left_out.get(name):
+            yield f'{name}: {text}: left out'
+    for name in closing:
+        yield f'{name} closes the loop: its value is not published'
+    for body in loops.bodies[1:]:
+        for link in loops.tree.bodies[body].links:
+            if link in robot.doubts:
+                yield f'{link}: {robot.doubts[link]}'
+
+
+def _mimics(loops: Loops, joints: Mapping[str, JointMap]) -> Iterator[str]:
+    """Yields the couplings in the file, and how to measure a driven joint that is coupled."""
+    for outward in loops.joints:
+        joint = outward.edge.joint
+        if not joint.mimics:
+            continue
+        other, multiplier, offset = joint.mimics
+        cure = 'the loop determines its value'
+        if outward.edge is loops.driven:
+            cure = 'it must be measured itself'
+            link, own = next(x for x in joints.items() if x[1].name == joint.name)
+            if multiplier:
+                zero = json.dumps(float(own.zero + offset / own.ratio))
+                cure = (
+                    f'if only {other} is measured, give joints.{link} name: '
+                    f'{json.dumps(other)}, zero: {zero}, ratio: {own.ratio / multiplier!r}'
+                )
+        yield f'{joint.name}: <mimic> is ignored; {cure}'
+
+
+def _beside(loops: Loops, names: Mapping[int, str]) -> Iterator[str]:
+    """Yields the joints that are in no loop, and the links without mass."""
+    tree, inside = loops.tree, [id(joint.edge) for joint in loops.joints]
+    for body, name in names.items():
+        others = [edge for edge in tree.edges_of(body) if id(edge) not in inside]
+        if name == FRAME:
+            above = {*tree.ancestors(body)[1:]}
+            others = [edge for edge in others if edge is not loops.frame_joint]
+            moving = [edge.joint.name for edge in others if {*edge.ends} & above]
+            if moving:
+                yield (
+                    f'the frame hangs on {", ".join(moving)}: it is taken as at rest, and '
+                    'gravity is that of this pose; --world follows one joint in the plane'
+                )
+            continue
+        for edge in others:
+            yield (
+                f'{edge.joint.name} moves relative to {name}, but is in no loop of '
+                f'{loops.driven.joint.name}: the mass beyond it is left out'
+            )
+        if not any(loops.robot.links[link] for link in tree.bodies[body].links):
+            yield f'{name} has no mass in the model'
