@@ -15,7 +15,7 @@ import yaml
 from robots import Tree, make_robot
 from ros_harness import assert_refused
 
-from linkage_lab.robots import import_tool, mjcf, robot_drawing
+from linkage_lab.robots import artist, import_tool, mjcf
 from linkage_lab.robots.import_tool import read_robot
 from linkage_lab.robots.loops import Request
 from linkage_lab.robots.robot_drawing import draw_robot
@@ -272,7 +272,7 @@ def test_units_that_are_probably_wrong_are_noted(run):
     _, printed = run(LEG, *CLOSE, '--at', 'hip=90')
     assert '90 deg = 1.571 rad' in printed
     _, printed = run(LEG.replace('0 -0.3"', '0 -300"').replace('0.03 -0.3"', '0.03 -300"'), *CLOSE)
-    assert '300 mm = 0.3 m' in printed
+    assert 'rod, has 300 m' in printed
 
 
 SLIDER = """<robot name="pump">
@@ -723,7 +723,7 @@ def test_rounded_axis_is_taken_as_parallel_with_a_note(run):
 @pytest.mark.parametrize(('error', 'is_refused'), [(1e-5, True), (1e-8, False)])
 def test_loop_that_stays_open_is_refused(error, is_refused, run, monkeypatch):
     """As it would if a joint were read wrongly."""
-    monkeypatch.setattr(robot_drawing, '_tidy', lambda number, _: number + error)
+    monkeypatch.setattr(artist, 'tidy', lambda number, _: number + error)
     longer = LEG.replace('xyz="0 0 -0.3" rpy', 'xyz="0 0 -0.31" rpy')  # no parallelogram
     told = run(longer, *CLOSE, '--at', 'knee_motor=0.7')
     if is_refused:
