@@ -11,6 +11,7 @@ from linkage_ros.files import create_file, is_same_file
 from linkage_ros.mechanism.axes import axes_of, spin_of
 from linkage_ros.mechanism.dyad_reach import reach_of
 from linkage_ros.mechanism.equations import Model, acting_forces, torque
+from linkage_ros.mechanism.exact import UNITS
 from linkage_ros.mechanism.joint_forces import reactions
 from linkage_ros.mechanism.period import period_turns
 from linkage_ros.mechanism.ranges import Ranges
@@ -35,6 +36,7 @@ from linkage_ros.xml_file import read_xml
 
 __all__ = [
     'FRAME',
+    'UNITS',
     'Drawing',
     'DrivenMechanism',
     'FollowMotion',

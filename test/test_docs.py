@@ -43,7 +43,18 @@ MODULES = {
     'linkage_export': 'linkage_lab.export',
     'linkage_import': 'linkage_lab.robots.import_tool',
 }
-CHARTS = [('linkage_chart', word) for word in ('motion', 'movie', 'economy', 'sweep')]
+CHARTS = [
+    ('linkage_chart', word)
+    for word in (
+        'new',
+        'sketch',
+        'state',
+        'motion',
+        'movie',
+        'economy',
+        'sweep',
+    )
+]
 CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export', 'linkage_import')
 OTHER_PROGRAMS = ('pip', '.', 'rerun', 'rosbags-convert')
 # The programs of these pages need a log or a node; other tests run them.

@@ -68,7 +68,19 @@ def _parser() -> argparse.ArgumentParser:
             ('drawing > my_linkage.yaml', 'four_bar'),
             (
                 (('kind',), None,
-                 {'choices': KINDS, 'metavar': 'KIND', 'help': f'one of {", ".join(KINDS)}'}),
+                 {'metavar': 'KIND', 'help': f'one of {", ".join(KINDS)}'}),
+            ),
+        ),
+        'sketch': cli.Command(
+            _run, 'what a parameter file means: the linkage with all names, and in words',
+            ('shaper', 'my_linkage.yaml --dimensions --at 85deg --out charts'),
+            (
+                (('params',), None, params),
+                (('--at',), _PLACE,
+                 {'metavar': 'PLACE', 'note': ' (default: as drawn, or a place that shows all)'}),
+                (('--dimensions',), None,
+                 {'action': 'store_true', 'help': 'add the lengths of the links'}),
+                _OUT, _FORMAT,
             ),
         ),
         'state': cli.Command(

@@ -26,6 +26,7 @@ from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from linkage_lab import command_line, export, output
 from linkage_lab.charts import accuracy, movie
+from linkage_lab.charts.linkage_picture import LinkagePicture
 from linkage_lab.charts.motion import DESIGN_COLORS, _driven_by_loads
 from linkage_lab.command_line import QUANTITIES
 from linkage_lab.period import (
@@ -229,10 +230,10 @@ def test_a_picture_replaces_one_of_the_same_source(tmp_path, suffix):
 def names_in_a_movie(period, width, place):
     """Yields the boxes of all names at every 60th crank angle."""
     axes = Figure(figsize=(width, 4.2), dpi=90).add_axes(place)
-    samples = range(0, len(period.crank), 60)
-    picture = movie.LinkagePicture(axes, period, samples)
-    for sample in samples:
-        picture.move(sample)
+    positions = period.rows('position')
+    picture = LinkagePicture(axes, period.drawing, positions, positions[::60])
+    for position in positions[::60]:
+        picture.move(position)
         yield [text.get_window_extent() for text in axes.texts]
 
 
@@ -389,10 +390,10 @@ def test_period_of_two_turns_is_drawn_completely(tmp_path, called):
 
 @pytest.mark.parametrize(('preset', 'way'), [('compressor', 1), ('wind_pump', 1), ('wiper', -1)])
 def test_movie_frames_are_evenly_spaced_in_time(tmp_path, monkeypatch, called, preset, way):
-    shown, move = [], movie.LinkagePicture.move
+    shown, frames_of = [], movie._frames
     monkeypatch.setattr(movie, '_SECONDS', 0.5)
     monkeypatch.setattr(
-        movie.LinkagePicture, 'move', lambda it, i: shown.append((it, i)) or move(it, i)
+        movie, '_frames', lambda period: shown.append((period, frames_of(period))) or shown[-1][1]
     )
     options = ('--rpm', -30) if way < 0 else ()
     code, out, _ = called(command_line, 'movie', preset, tmp_path / 'made.gif', *options)
@@ -404,11 +405,10 @@ def test_movie_frames_are_evenly_spaced_in_time(tmp_path, monkeypatch, called, p
         assert file.info['duration'] == 50
     assert len(frames) == 10
     assert all(np.abs(one - other).sum() for one, other in itertools.pairwise(frames))
-    (picture, _), *_ = shown
-    crank = picture.period.crank[[i for _, i in shown[1:]]]  # without the initial frame
-    speed = np.abs(picture.period.columns['crank.velocity'].values)
-    time = np.interp(crank, picture.period.crank, elapsed(picture.period.crank, speed))
-    apart, sample = way * np.diff(time), np.diff(picture.period.crank).max() / speed.min()
+    ((period, samples),) = shown
+    speed = np.abs(period.columns['crank.velocity'].values)
+    time = elapsed(period.crank, speed)[samples]
+    apart, sample = way * np.diff(time), np.diff(period.crank).max() / speed.min()
     assert apart == pytest.approx(apart.mean(), abs=2 * sample)
 
 

@@ -7,6 +7,7 @@ from dataclasses import fields
 
 import pytest
 
+from linkage_lab import command_line
 from linkage_lab.charts.new import STARTS, parameter_file
 from linkage_lab.command_line import KINDS
 from linkage_ros import Solver
@@ -39,3 +40,9 @@ def test_file_loads_and_states_all_defaults(tmp_path, kind):
         assert getattr(same, field.name) == getattr(found, field.name)
     assert len(re.findall(r'^    # ', head, re.MULTILINE)) > 10
     assert re.findall(r'kind: (\w+)', tail)
+
+
+def test_unknown_kind_is_refused_with_the_known_ones(monkeypatch, capsys):
+    monkeypatch.setattr('sys.argv', ['linkage_chart', 'new', 'fivebar'])
+    assert command_line.main() == 2
+    assert 'slider_crank' in capsys.readouterr().err

@@ -39,6 +39,7 @@ _STEPS_PER_TURN = 360
 _BEFORE_END = 1e-9  # distance from the ends of an arc or of a dyad's reach, relative to its length
 # Grid of crank angles and slider positions of a mechanism with a free slider.
 _ANGLES, _POSITIONS = 72, 121
+_SAME_PLACE = 1e-9  # distance of points at one place, relative to the largest distance
 
 
 class _Corner(NamedTuple):
@@ -61,10 +62,13 @@ class Drawing:
     Attributes:
         joints: Names of the joints, in the order of the links.
         colors: Colours of the links by name.
+        positions: Positions of the links in reach, rad and m, shape (n, links); in the order of
+            the motion if the crank angle determines them.
         turning: Names of the links with an angle: all except a slider or rod.
         pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
         pivot_names: Names of the pivots.
         pivot_labels: Positions of the labels of the pivots; shape as `pivots`, m.
+        unnamed: The mouth of a barrel in a drawing, which has no pin there; else ''.
         pins: Names of the moving points, in the order in which `place` returns them.
         ends: Both pins of each link that turns, and of the rod of a cylinder, whose other end is
             the mouth of its barrel; in the order of `joints`.
@@ -93,10 +97,11 @@ class Drawing:
         self._links = structure.links
         self.joints = tuple(link.name for link in self._links)
         self.colors = colors_of(self.joints)
+        self.unnamed = structure.mouth if mechanism.drawn else ''
         self.turning = tuple(link.name for link in self._links if not link.slides)
-        self._find_points(structure)
+        self.positions = positions = _reach(mechanism, crank_angle)
+        self._find_points(structure, positions)
         asides = self._find_owners(structure)
-        positions = _reach(mechanism, crank_angle)
         swept = self.place(positions)
         in_reach = np.concatenate([self.pivots, swept.reshape(-1, 2)])
         self._mark = _MARK * np.ptp(in_reach, axis=0).max()
@@ -111,10 +116,10 @@ class Drawing:
         arrows = plane(np.append(self._arrows.reach, self._arrows.farthest(positions)))
         self._enclose(np.concatenate([in_reach, *self.ground, self.pivot_labels, arrows]))
 
-    def _find_points(self, structure: Structure) -> None:
+    def _find_points(self, structure: Structure, positions: Array) -> None:
         """Finds the fixed and the moving points."""
         # A dyad's end at a pin of its carrier is that pin.
-        self._names = {point: name for name, point in reversed(structure.points.items())}
+        self._names = _names_of_places(structure, positions)
         points = {x: point for x, point in structure.points.items() if x == self._names[point]}
         self.pins = tuple(name for name, point in points.items() if any(point.weights))
         self.pivot_names = tuple(name for name in points if name not in self.pins)
@@ -130,7 +135,7 @@ class Drawing:
         """
         (_, last), *_ = structure.closures
         output = self._links[last]
-        loop = _pins_of_the_loop(structure)
+        loop = [self._names[structure.points[x]] for x in _pins_of_the_loop(structure)]
         self.ends = dict(zip(self.turning, pairwise(loop), strict=False))
         # The owner of a pin between two links is the later link.
         self.owners = dict(zip(loop[2:], self.joints[2 : last + 1], strict=False))
@@ -448,6 +453,23 @@ def _area(solver: Solver, start: float) -> Array:
         with suppress(UnreachableError):  # a dyad may not close
             found.append(solver.state(q).position)
     return np.array(found)
+
+
+def _names_of_places(structure: Structure, positions: Array) -> dict[Point, str]:
+    """Returns the name of each point: the first one that is always at its place.
+
+    Args:
+        structure: Structure of the mechanism.
+        positions: Positions of the links in reach, rad and m, shape (n, links).
+    """
+    points, names = structure.points.values(), [*structure.points]
+    weights, fixed = np.array([x.weights for x in points]), np.array([x.fixed for x in points])
+    paths = placed(structure.links, weights, fixed, positions)
+    near = _SAME_PLACE * abs(paths).max()
+    return {
+        point: names[int((abs(paths.T - path).max(axis=1) <= near).argmax())]
+        for point, path in zip(points, paths.T, strict=True)
+    }
 
 
 def _pins_of_the_loop(structure: Structure) -> list[str]:

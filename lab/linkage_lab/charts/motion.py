@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from linkage_lab.charts.movie import WIDE, LinkagePicture, proportion
+from linkage_lab.charts.linkage_picture import WIDE, LinkagePicture, proportion
 from linkage_lab.command_line import QUANTITIES
 from linkage_lab.flywheel import size_flywheel
 from linkage_lab.output import (
@@ -231,7 +231,7 @@ def _draw_motion(
         _curve(first, 'driving_power', 'power'),
     ]  # fmt: skip
     # The linkage is beside the text, or above it if it is wide or if there are several.
-    above = bool(others) or proportion(first) > WIDE
+    above = bool(others) or proportion(first.drawing, first.rows('position')) > WIDE
     notes = '\n'.join(_wrapped(line, 44 if above else 60) for line in lines)
     said = 1.25 * _LINE * (notes.count('\n') + 1) + 0.1 if notes else 0.0
     written = _ROWS * (len(curves) + len(extra) + 2)
@@ -250,7 +250,8 @@ def _draw_motion(
                 (i + 0.03) * share, 1 - (linkage - 0.05) / height, 0.94 * share,
                 (linkage - 0.5) / height,
             ))  # fmt: skip
-            LinkagePicture(axes, period, [_drawn(period)])
+            positions, now = period.rows('position'), _drawn(period)
+            LinkagePicture(axes, period.drawing, positions, positions[now : now + 1])
             figure.text(
                 (i + 0.5) * share, 1 - 0.12 / height, textwrap.shorten(name, 40), va='top',
                 ha='center', color=fractions(color), weight='bold', fontsize=TEXT,

@@ -7,10 +7,10 @@ import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING
 
-from linkage_ros import TracedPoint
+from linkage_ros import ConfigurationError, TracedPoint
 from linkage_ros.extensions import LOADS
 from linkage_ros.internals import MechanismAndDrive, configure, parameter_leaves
-from linkage_ros.quantities import Leaf, Quantity, leaves
+from linkage_ros.quantities import Leaf, Quantity, leaves, shown
 
 _COLUMN = 44  # of the comments
 _HUGE = 1e5  # bounds of a range beyond this are not shown
@@ -55,7 +55,12 @@ def new(options: argparse.Namespace) -> None:
 
     Args:
         options: Parsed command-line options.
+
+    Raises:
+        ConfigurationError: The kind is unknown.
     """
+    if options.kind not in STARTS:
+        raise ConfigurationError(f'{shown(options.kind)}: must be one of {", ".join(STARTS)}')
     print(parameter_file(options.kind))
 
 

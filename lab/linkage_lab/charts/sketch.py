@@ -1,0 +1,546 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart sketch: what a parameter file means, as a drawing with all names, and in words."""
+
+import argparse
+import cmath
+import functools
+import itertools
+import math
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
+from matplotlib.transforms import Bbox
+
+from linkage_lab.charts.linkage_picture import NAME_STYLE, LinkagePicture, free_places
+from linkage_lab.output import (
+    NUMBERS,
+    SMALL,
+    TEXT,
+    WIDTH,
+    chart,
+    doubts,
+    folder,
+    pictures,
+    print_notes,
+    rounded,
+)
+from linkage_lab.sampling import without_loads
+from linkage_ros import ConfigurationError, Solver, Spring, State, load
+from linkage_ros.extensions import LOADS
+from linkage_ros.formulas import Array
+from linkage_ros.internals import UNITS, Drawing, axes_of
+from linkage_ros.palette import BLACK, DARK, SECOND, Color, fractions
+from linkage_ros.quantities import Angle, leaves
+
+_DRAWN_AT = 45.0  # crank angle of a mechanism that turns fully and is given by lengths, deg
+# Inches: height of the drawing, of a line of text, and margin.
+_HIGH, _LINE, _ROOM = 6.2, 0.165, 0.35
+_CHARACTERS = 118  # in a line of text
+_ARROW = 9.0  # length of the arrow of a link's direction, points
+_MARKS = 4.0  # length of the arrow of a slide's direction, in marks of the drawing
+_BARS = {4: 'four-bar', 6: 'six-bar', 8: 'eight-bar', 10: 'ten-bar'}
+_DISTANCES = 10.0, 15.0, 22.0, 30.0, 40.0  # of names, points
+_STEP = 4.0  # between the points of lines that names should not cover, points
+
+
+@dataclass(frozen=True)
+class Sketched:
+    """A mechanism at the position at which it is drawn.
+
+    Attributes:
+        design: The configuration.
+        solver: Solver of the mechanism without loads, which do not change the motion.
+        place: Position of the driven joint, rad or m.
+        state: The state there, at the speed of the file.
+        unit: Unit of lengths: 'm' or 'mm'.
+    """
+
+    design: Any
+    solver: Solver
+    place: float
+    state: State
+    unit: str
+
+    @functools.cached_property
+    def drawing(self) -> Drawing:
+        """The drawing of the mechanism without its loads."""
+        return Drawing(self.solver.mechanism, self.place)
+
+    @property
+    def positions(self) -> Array:
+        """Positions of the links, rad and m, shape (1, links)."""
+        return np.array([self.state.position])
+
+    @property
+    def rates(self) -> Array:
+        """Rates of the links, rad/s and m/s, shape (1, links)."""
+        return np.array([self.state.velocity])
+
+    def length(self, value: float) -> str:
+        """Writes a length, m, in the unit of the sketch."""
+        return f'{round(value * (1000 if self.unit == "mm" else 1), 9) + 0.0:.5g}'
+
+    def at(self, point: complex) -> str:
+        """Writes a place, m, in the unit of the sketch."""
+        return f'({self.length(point.real)}, {self.length(point.imag)})'
+
+    def point(self, point: Any) -> complex:
+        """Returns the place of a point of the structure, m."""
+        turned = (cmath.rect(1.0, x) for x in self.state.position)
+        arms = (weight * x for weight, x in zip(point.weights, turned, strict=True))
+        return complex(point.fixed + sum(arms))
+
+    def direction(self, j: int) -> float:
+        """Returns the direction of a link, or of the guide on which it slides, rad."""
+        spin, guide = axes_of(self.solver.structure.links, j)
+        return (0.0 if spin is None else self.state.position[spin]) + (guide or 0.0)
+
+    def pin_of(self, j: int) -> complex:
+        """Returns the place of a sliding link's pin, m."""
+        return self.point(self.solver.structure.point_of(j, (0.0, 0.0)))
+
+
+def sketch(options: argparse.Namespace) -> None:
+    """Draws a mechanism with all names, and describes it in words.
+
+    Args:
+        options: Parsed command-line options.
+
+    Raises:
+        ConfigurationError: The mechanism or an option is invalid, or a file cannot be written.
+        UnreachableError: The mechanism cannot be at the position.
+    """
+    design, name = load(options.params), Path(options.params).stem
+    sketched = sketch_of(design, options.at)
+    lines = [*describe(sketched)]
+    files = pictures(options, f'{name}_sketch', options.params)
+    print_notes(doubts(design))
+    with folder(options.out):
+        wrap = functools.partial(textwrap.wrap, width=_CHARACTERS, subsequent_indent='    ')
+        written = [*itertools.chain(*map(wrap, lines))]
+        height = _ROOM + _HIGH + _LINE * len(written) + 0.15
+        with chart(files, height, layout=None) as figure:
+            figure.text(0.02, 1 - 0.12 / height, name, va='top', weight='bold', fontsize=TEXT)
+            axes = figure.add_axes((0.02, 1 - (_ROOM + _HIGH) / height, 0.96, _HIGH / height))
+            _draw(axes, sketched, with_dimensions=options.dimensions)
+            figure.text(
+                0.3 / WIDTH, 1 - (_ROOM + _HIGH + 0.05) / height, '\n'.join(written), va='top',
+                family='monospace', fontsize=NUMBERS - 0.5, linespacing=1.25,
+            )  # fmt: skip
+    print(name, *lines, *files.paths, sep='\n')
+
+
+def sketch_of(design: Any, at: float | None = None) -> Sketched:
+    """Computes the state at which a mechanism is drawn.
+
+    Args:
+        design: The configuration.
+        at: Position of the driven joint, rad or m; None for that of its drawing or, if it is given
+            by lengths, 45 deg, the start, or the middle of the arc.
+
+    Raises:
+        ConfigurationError: An angle is given for a joint that slides.
+        UnreachableError: The mechanism cannot be there.
+    """
+    solver = without_loads(Solver(design.mechanism))
+    driven, reach = solver.structure.driven_link, solver.mobility
+    if driven.slides and isinstance(at, Angle):
+        raise ConfigurationError(
+            f'--at: {driven.name} is driven and slides; give its position in m'
+        )
+    positions, rates = design.mechanism.start()
+    place = at
+    if place is None:
+        place = design.drive.drawn_angle(design.mechanism)
+        if not design.mechanism.drawn and (reach is None or reach.turns_fully):
+            place = math.radians(_DRAWN_AT)
+        elif reach is not None and not reach.turns_fully:
+            low, high = reach.arc_around(place)
+            place = place if low < place < high else 0.5 * (low + high)
+    rpm = 0.0 if driven.slides else getattr(design.drive, 'rpm', 0.0)
+    speed = (rpm * math.pi / 30, *rates)
+    state = solver.state((place, *positions), speed)
+    given = getattr(getattr(design.given, 'drawing', None), 'units', '')
+    longest = max(map(abs, _lengths(design.mechanism)))
+    unit = 'mm' if given in {'mm', 'cm'} or (not given and longest < 1) else 'm'
+    return Sketched(design, solver, place, state, unit)
+
+
+def _drawn_at(design: Any) -> Any:
+    return design.mechanism.drawn.position if design.mechanism.drawn else None
+
+
+def _lengths(mechanism: Any) -> list[float]:
+    parts = mechanism.parts().values()
+    return [getattr(part, 'length', 0.0) for part in parts]
+
+
+# ---------------------------------------------------------------- words
+
+
+def describe(sketched: Sketched) -> Iterator[str]:
+    """Yields lines that describe a mechanism at its drawn position."""
+    structure = sketched.solver.structure
+    yield from _kind(sketched)
+    first = next(iter(structure.points))
+    drawn = 'as drawn' if sketched.place == _drawn_at(sketched.design) else 'shown'
+    axes = 'base_link' + ', in the axes of the drawing' * bool(sketched.design.mechanism.drawn)
+    driven = structure.driven_link
+    yield (
+        f'{drawn} at {driven.name} {_position(sketched, structure.driven)}; lengths in '
+        f'{sketched.unit}, from {first}, the origin of {axes}'
+    )
+    drawing = sketched.drawing
+    fixed = dict(zip(drawing.pivot_names, drawing.pivots @ (1, 1j), strict=True))
+    fixed |= _pins_of_cylinders(sketched)
+    places = (f'{name} {sketched.at(complex(place))}' for name, place in fixed.items())
+    yield f'frame: {", ".join(places)}'
+    for j in range(len(structure.links)):
+        yield _link(sketched, j)
+    for name, link in structure.traced.items():
+        place = sketched.at(sketched.point(structure.points[name]))
+        yield f'point {name} of {link}: {place}, traced'
+    for name, start, end in _springs(sketched):
+        yield (
+            f'line {name}: from {sketched.at(start)} to {sketched.at(end)}, length '
+            f'{sketched.length(abs(end - start))}'
+        )
+    yield from _loads(sketched.design)
+
+
+def _kind(sketched: Sketched) -> Iterator[str]:
+    """Yields the kind of mechanism, its assemblies and its reach."""
+    mechanism, solver = sketched.design.mechanism, sketched.solver
+    kind = type(mechanism).__name__
+    words = ''.join(f'_{x.lower()}' if x.isupper() else x for x in kind).lstrip('_')
+    count = len(solver.links) + 1
+    dyads = [' and '.join(dyad.parts) for dyad in mechanism.dyads]
+    title = _BARS.get(count, f'{count} links with the frame')
+    names = ', '.join(solver.links[: len(solver.links) - 2 * len(dyads)])
+    base = f'{words} of {names}'
+    if dyads:
+        plural = 's' if len(dyads) > 1 else ''
+        yield f'{title}: {base}, and the dyad{plural} {"; ".join(dyads)}'
+    else:
+        yield base
+    loop = ['' if 'assembly' in _unused(mechanism) else f'{words} {mechanism.assembly}']
+    assemblies = [f'{x} {dyad.assembly}' for x, dyad in zip(dyads, mechanism.dyads, strict=True)]
+    reach, driven = solver.mobility, solver.structure.driven_link
+    if any(shown := [x for x in (*loop, *assemblies) if x]):
+        yield f'assemblies: {"; ".join(shown)}'
+    free = len(solver.coordinates)
+    yield f'{free} degree{"s" if free > 1 else ""} of freedom; input: {driven.name}'
+    if reach is not None:
+        yield f'reach: {_reach(reach, driven)}'
+
+
+def _unused(mechanism: Any) -> dict[str, str]:
+    found: dict[str, str] = mechanism.unused({'input': getattr(mechanism, 'input', '')})
+    return found
+
+
+def _reach(reach: Any, driven: Any) -> str:
+    """Describes the class and the reach of the driven joint."""
+    group = '' if reach.slides else f'{reach.grashof}: '
+    if reach.turns_fully:
+        turns = reach.period_turns
+        return f'{group}{driven.name} turns fully' + (
+            f', the motion repeats after {turns} turns' if turns > 1 else ''
+        )
+    scale, unit = (1.0, 'm') if reach.slides else (180 / math.pi, 'deg')
+    arcs = [f'{low * scale:.6g} to {high * scale:.6g} {unit}' for low, high in reach.arcs]
+    return f'{group}{driven.name} {" and ".join(arcs)}; {"; ".join(reach.limits)}'
+
+
+def _position(sketched: Sketched, j: int) -> str:
+    """Writes the position of a link."""
+    value = sketched.state.position[j]
+    if sketched.solver.structure.links[j].slides:
+        return f'{sketched.length(value)} {sketched.unit}'
+    return f'{math.degrees(value):.5g} deg'
+
+
+def _link(sketched: Sketched, j: int) -> str:
+    """Describes a link: its axes, length and mass."""
+    structure = sketched.solver.structure
+    link, part = structure.links[j], sketched.design.mechanism.parts()[structure.links[j].name]
+    degrees = math.degrees(sketched.direction(j))
+    degrees = math.degrees(math.remainder(math.radians(degrees), math.tau))
+    position = _position(sketched, j)
+    if link.slides:
+        on = 'the frame' if link.parent is None else structure.links[link.parent].name
+        zero = _zero(sketched, j)
+        words = (
+            f'slides on {on} at {position}, 0 at {sketched.at(zero)}, + towards '
+            f'{round(degrees, 9) + 0.0:.5g} deg'
+        )
+    else:
+        start, end = _ends(sketched, j)
+        ends = f'from {start} to {end}, ' if end else f'turns about {start}, '
+        words = f'{ends}direction {position}'
+        if length := getattr(part, 'length', 0.0):
+            words += f', length {sketched.length(length)}'
+    for name, unit in (('mass', 'kg'), ('inertia', 'kg m^2')):
+        if value := getattr(part, name, 0.0):
+            words += f', {name} {rounded(value)} {unit}'
+    return f'{link.name}: {words}'
+
+
+def _ends(sketched: Sketched, j: int) -> tuple[str, str]:
+    """Returns the names of the points from which and to which a link's direction runs."""
+    structure = sketched.solver.structure
+    part = sketched.design.mechanism.parts()[structure.links[j].name]
+    start = structure.point_of(j, (0.0, 0.0))
+    end = structure.point_of(j, (getattr(part, 'length', 0.0), 0.0))
+    places = {name: sketched.point(point) for name, point in structure.points.items()}
+    near = 1e-9 * max(map(abs, places.values()))
+
+    def nearest(point: Any) -> str:
+        place = sketched.point(point)
+        return next((x for x, other in places.items() if abs(other - place) < near), '')
+
+    return nearest(start), nearest(end) if getattr(part, 'length', 0.0) else ''
+
+
+def _zero(sketched: Sketched, j: int) -> complex:
+    """Returns the place on the path of a sliding link's pin at which its position is 0, m."""
+    way = cmath.rect(1.0, sketched.direction(j))
+    return sketched.pin_of(j) - float(sketched.state.position[j]) * way
+
+
+def _springs(sketched: Sketched) -> Iterator[tuple[str, complex, complex]]:
+    """Yields the lines of springs, and of cylinders without one: name and both ends, m."""
+    structure, given = sketched.solver.structure, sketched.design.given
+    in_cylinders = {x.name: x.cylinder for x in getattr(given, 'loads', ()) if _cylinder(x)}
+    for one in sketched.design.mechanism.loads:
+        if isinstance(one, Spring):
+            start, end = (sketched.point(point) for _, point in one.ends(structure))
+            cylinder = in_cylinders.get(one.name)
+            yield f'{cylinder} ({one.name})' if cylinder else one.name, start, end
+    if drawing := getattr(given, 'drawing', None):
+        fixed = _pins_of_cylinders(sketched)
+        for cylinder in drawing.cylinders:
+            if cylinder.name != drawing.input and cylinder.name not in in_cylinders.values():
+                ends = (
+                    sketched.point(structure.points[pin])
+                    if pin in structure.points
+                    else fixed[pin]
+                    for pin in (cylinder.from_, cylinder.to)
+                )
+                yield cylinder.name, *ends
+
+
+def _pins_of_cylinders(sketched: Sketched) -> dict[str, complex]:
+    """Returns the places of the fixed pins that only cylinders have, m."""
+    drawing, points = (
+        getattr(sketched.design.given, 'drawing', None),
+        sketched.solver.structure.points,
+    )
+    if drawing is None:
+        return {}
+    origin = complex(*drawing.pins[next(iter(points))])
+    unit = float(UNITS[drawing.units])
+    return {
+        pin: (complex(*drawing.pins[pin]) - origin) * unit
+        for pin in drawing.frame
+        if pin not in points
+    }
+
+
+def _cylinder(load: Any) -> str:
+    return getattr(load, 'cylinder', '')
+
+
+def _loads(design: Any) -> Iterator[str]:
+    """Yields a line for each load, with its parameters that are not the defaults."""
+    given = design.parameters()
+    for one in design.mechanism.loads:
+        start = f'loads.{one.name}.'
+        kind = given[f'{start}kind']
+        defaults = {leaf.name: leaf.default for leaf in leaves(LOADS[kind], start)}
+        words = [
+            f'{name.removeprefix(start)} {_words(value)}'
+            for name, value in given.items()
+            if name in defaults and value != defaults[name]
+        ]
+        yield f'load {one.name}: {", ".join([kind, *words])}'
+
+
+def _words(value: Any) -> str:
+    """Writes the value of a parameter."""
+    if isinstance(value, (list, tuple)):
+        return f'[{", ".join(map(_words, value))}]'
+    return rounded(value) if isinstance(value, float) else str(value)
+
+
+# ---------------------------------------------------------------- the drawing
+
+
+class _Label(NamedTuple):
+    """A name in the drawing.
+
+    Attributes:
+        text: The name.
+        at: What it belongs to, x + iy, m.
+        way: Preferred direction from there.
+        color: Its colour.
+        bold: Whether it is that of a link.
+    """
+
+    text: str
+    at: complex
+    way: complex
+    color: Color
+    bold: bool = False
+
+
+def _draw(axes: Axes, sketched: Sketched, *, with_dimensions: bool) -> None:
+    """Draws the mechanism with all names."""
+    drawing = sketched.drawing
+    loaded = Drawing(sketched.design.mechanism, sketched.place)
+    size = float(np.ptp(loaded.bounds, axis=0).max())
+    labels = list[_Label]()
+    lines = [np.array([[start.real, start.imag], [end.real, end.imag]])
+             for _, start, end in _springs(sketched)]  # fmt: skip
+    for (name, start, end), line in zip(_springs(sketched), lines, strict=True):
+        axes.plot(*line.T, color=fractions(DARK), linewidth=1.6, linestyle=(0, (1.5, 1.5)))
+        labels.append(_Label(name, 0.5 * (start + end), 1j * (end - start), DARK))
+    for name, place in _pins_of_cylinders(sketched).items():
+        axes.plot(place.real, place.imag, 'o', color=fractions(DARK), markersize=3.5)
+        labels.append(_Label(name, place, -1j, BLACK))
+    values = loaded.load_values(sketched.positions, sketched.rates)
+    for name, (arrow,) in loaded.loads(sketched.positions, sketched.rates).items():
+        if not np.ptp(arrow, axis=0).any():
+            continue  # no load here
+        axes.plot(*arrow.T, color=fractions(SECOND), linewidth=2.0)
+        tail, tip = (complex(*arrow[i]) for i in (0, -2))
+        word = name.partition(' on ')[0] if ' on ' in name else f'on {name}'
+        labels.append(_Label(f'{word} {values[name][0]}', tail, tail - tip or 1j, SECOND))
+        lines.append(arrow)
+    labels += _slides(axes, sketched, 0.025 * size, lines)
+    picture = LinkagePicture(axes, drawing, drawing.positions, sketched.positions)
+    shown = drawing.links(drawing.place(sketched.positions))
+    middle = complex(*np.mean(drawing.place(sketched.positions)[0], axis=0))
+    for j, link in enumerate(sketched.solver.structure.links):
+        (line,) = shown[link.name]
+        lines.append(line)
+        labels.append(_name(axes, sketched, drawing, j, line, middle))
+    if with_dimensions:
+        labels += _dimensions(sketched, drawing, shown)
+    _write(axes, picture, labels, lines + drawing.ground)
+
+
+def _slides(axes: Axes, sketched: Sketched, mark: float, lines: list[Array]) -> Iterator[_Label]:
+    """Draws where the position of each slide is 0, and its + direction; yields their labels.
+
+    Args:
+        axes: Axes to draw in.
+        sketched: The mechanism.
+        mark: Unit of the sizes, m.
+        lines: Lines that names should not cover, to which these are added.
+    """
+    for j, link in enumerate(sketched.solver.structure.links):
+        if not link.slides:
+            continue
+        zero, way = _zero(sketched, j), cmath.rect(1.0, sketched.direction(j))
+        side = 1j * way
+        start = zero + 1.5 * mark * side  # beside the path
+        tick = np.array([zero, start + 0.5 * mark * side])
+        axes.plot(tick.real, tick.imag, color=fractions(BLACK), linewidth=1.0)
+        tip = start + _MARKS * mark * way
+        axes.annotate(
+            '', (tip.real, tip.imag), (start.real, start.imag),
+            arrowprops={'arrowstyle': '-|>', 'color': fractions(BLACK), 'linewidth': 0.9},
+        )  # fmt: skip
+        axes.plot(tip.real, tip.imag, linestyle='')  # counts for the limits of the axes
+        arrow = np.array([start, tip])
+        lines += [np.stack([x.real, x.imag], axis=1) for x in (tick, arrow)]
+        yield _Label(f'0 {link.name} +', 0.5 * (start + tip), side, BLACK)
+
+
+def _name(
+    axes: Axes, sketched: Sketched, drawing: Drawing, j: int, line: Array, middle: complex
+) -> _Label:
+    """Draws the arrow of a link's direction; returns the label with its name."""
+    link = sketched.solver.structure.links[j]
+    color = drawing.colors[link.name]
+    corners = line @ (1, 1j)
+    at = complex(corners[:2].mean()) if not link.slides else sketched.pin_of(j)
+    way = cmath.rect(1.0, sketched.direction(j))
+    if not link.slides:
+        before = at - 1e-6 * float(np.ptp(line)) * way
+        axes.annotate(
+            '', (at.real, at.imag), (before.real, before.imag),
+            arrowprops={'arrowstyle': '-|>', 'color': fractions(color), 'mutation_scale': 15},
+        )  # fmt: skip
+    side = 1j * way
+    if (side * (at - middle).conjugate()).real < 0:
+        side = -side  # away from the middle of the linkage
+    return _Label(link.name, at, side, color, bold=True)
+
+
+def _dimensions(sketched: Sketched, drawing: Drawing, shown: dict[str, Array]) -> Iterator[_Label]:
+    """Yields the lengths of the sides of the links that turn."""
+    structure = sketched.solver.structure
+    for link, ends in drawing.ends.items():
+        if sketched.solver.structure.links[drawing.joints.index(link)].slides:
+            continue
+        (line,) = shown[link]
+        corners = (line @ (1, 1j)).tolist()
+        # The mouth of a barrel is no pin.
+        is_barrel = ends[1] not in structure.points or ends[1] == structure.mouth
+        done = set[tuple[complex, complex]]()
+        for start, end in itertools.pairwise(corners):
+            touches_mouth = is_barrel and corners[1] in {start, end}
+            if (end, start) in done or start == end or touches_mouth:
+                continue
+            done.add((start, end))
+            yield _Label(
+                sketched.length(abs(end - start)), start + 0.35 * (end - start),
+                1j * (end - start), BLACK,
+            )  # fmt: skip
+
+
+def _write(axes: Axes, picture: LinkagePicture, labels: list[_Label], lines: list[Array]) -> None:
+    """Writes labels where they cover no other label, and few lines."""
+    halo = withStroke(linewidth=2.5, foreground='white')
+    texts = [
+        axes.annotate(
+            label.text, (label.at.real, label.at.imag), xytext=(0, 0), ha='center',
+            color=fractions(label.color), weight='bold' if label.bold else 'normal',
+            path_effects=[halo], zorder=5, **{**NAME_STYLE, 'fontsize': SMALL},
+        )
+        for label in labels
+    ]  # fmt: skip
+    scale = 72 / axes.figure.dpi
+    sizes = [Bbox(scale * text.get_window_extent().get_points()) for text in texts]
+    anchors = picture.to_points(np.array([[x.at.real, x.at.imag] for x in labels]))
+    ways = np.array([[x.way.real, x.way.imag] for x in labels])
+    obstacles = np.concatenate([_dense(picture.to_points(line)) for line in lines])
+    places = free_places(
+        anchors,
+        ways,
+        sizes,
+        picture.taken,
+        picture.page,
+        obstacles,
+        _DISTANCES,
+    )
+    for text, place in zip(texts, places, strict=True):
+        text.set_position(tuple(place.tolist()))
+
+
+def _dense(line: Array) -> Array:
+    """Returns points along a line, close to each other; all in points."""
+    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    return np.concatenate([
+        start + np.linspace(0, 1, max(2, math.ceil(step / _STEP)))[:, np.newaxis] * (end - start)
+        for start, end, step in zip(line[:-1], line[1:], steps, strict=True)
+    ])  # fmt: skip

@@ -1,0 +1,126 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart sketch: names, directions and lengths of what a parameter file means."""
+
+import itertools
+import math
+
+import pytest
+from matplotlib.figure import Figure
+
+from linkage_lab import command_line
+from linkage_lab.charts.sketch import _draw, _zero, describe, sketch_of
+from linkage_ros.settings.configuration import configure, load
+from linkage_ros.settings.presets import preset_names
+
+# Theo Jansen's leg, with its published lengths, mm.
+JANSEN = {
+    'mechanism': 'drawing', 'rpm': 60.0, 'drawing.units': 'mm', 'drawing.input': 'crank',
+    'drawing.frame': ['O', 'Z'],
+    'drawing.pins.O': [0.0, 0.0], 'drawing.pins.Z': [-38.0, -7.8],
+    'drawing.pins.M': [5.1303, 14.0954], 'drawing.pins.B': [-40.9094, 33.5979],
+    'drawing.pins.C': [-19.7279, -42.5940], 'drawing.pins.D': [-78.0995, -8.0018],
+    'drawing.pins.E': [-56.3878, -40.8798], 'drawing.pins.F': [-14.2496, -91.2867],
+    'drawing.links.crank.pins': ['O', 'M'], 'drawing.links.j.pins': ['M', 'B'],
+    'drawing.links.bde.pins': ['Z', 'B', 'D'], 'drawing.links.k.pins': ['M', 'C'],
+    'drawing.links.c.pins': ['Z', 'C'], 'drawing.links.f.pins': ['D', 'E'],
+    'drawing.links.ghi.pins': ['C', 'E', 'F'],
+    'loads.ground.kind': 'force', 'loads.ground.pin': 'F', 'loads.ground.force': [0.0, 20.0],
+}  # fmt: skip
+LENGTHS = '15', '50', '41.5', '39.3', '40.1', '55.8', '39.4', '36.7', '65.7', '49', '61.9'
+GAS = {
+    'mechanism': 'drawing', 'rpm': 60.0, 'drawing.units': 'mm', 'drawing.input': 'crank',
+    'drawing.frame': ['O', 'Q', 'G'],
+    'drawing.pins.O': [10.0, 0.0], 'drawing.pins.A': [40.0, 40.0],
+    'drawing.pins.B': [130.0, 90.0], 'drawing.pins.Q': [150.0, 0.0],
+    'drawing.pins.P': [90.0, 120.0], 'drawing.pins.S': [270.0, 120.0],
+    'drawing.pins.G': [210.0, -20.0],
+    'drawing.links.crank.pins': ['O', 'A'], 'drawing.links.coupler.pins': ['A', 'B', 'P'],
+    'drawing.links.rocker.pins': ['B', 'Q'], 'drawing.links.conrod.pins': ['B', 'S'],
+    'drawing.slides.ram.pin': 'S', 'drawing.slides.ram.direction': [1.0, 0.0],
+    'drawing.cylinders.gas.from': 'G', 'drawing.cylinders.gas.to': 'P',
+}  # fmt: skip
+SPRING = GAS | {
+    'loads.strut.kind': 'spring', 'loads.strut.cylinder': 'gas', 'loads.strut.stiffness': 1e3,
+    'loads.strut.free_length': 0.2, 'loads.push.kind': 'link', 'loads.push.link': 'ram',
+    'loads.push.force': -50.0,
+}  # fmt: skip
+
+
+def design_of(source):
+    return load(source) if isinstance(source, str) else configure(source)
+
+
+def written(design, at=None):
+    """Returns the texts of the drawing with dimensions, and their boxes."""
+    axes = Figure(figsize=(10.0, 7.0), dpi=140).add_axes((0.02, 0.02, 0.96, 0.96))
+    _draw(axes, sketch_of(design, at), with_dimensions=True)
+    texts = [text for text in axes.texts if text.get_text()]
+    return [x.get_text() for x in texts], [x.get_window_extent() for x in texts]
+
+
+@pytest.mark.parametrize('source', [*preset_names(), JANSEN, GAS, SPRING])
+def test_every_name_is_in_the_drawing_and_in_words(source):
+    design = design_of(source)
+    texts, boxes = written(design)
+    structure = design.mechanism.structure()
+    lines = [*describe(sketch_of(design))]
+    for link in structure.links:
+        assert link.name in texts
+        assert any(line.startswith(f'{link.name}: ') for line in lines)
+    for name in structure.traced:
+        assert name in texts
+        assert any(line.startswith(f'point {name} of ') for line in lines)
+    for one in design.mechanism.loads:
+        assert any(line.startswith(f'load {one.name}: ') for line in lines)
+    assert len({*texts} & {*structure.points}) == len([x for x in texts if x in structure.points])
+    for (one, box), (other, second) in itertools.combinations(zip(texts, boxes, strict=True), 2):
+        assert not box.overlaps(second), (one, other)
+
+
+def test_lengths_of_jansens_leg_are_the_published_ones():
+    texts, _ = written(configure(JANSEN))
+    assert {*LENGTHS} <= {*texts}
+    assert 'ground 20 N' in texts
+    (title, *_) = describe(sketch_of(configure(JANSEN)))
+    assert title.startswith('eight-bar: ')
+
+
+def test_pin_that_joins_three_links_has_one_name():
+    texts, _ = written(configure(GAS))
+    assert 'B' in texts
+    assert 'B_conrod' not in texts
+
+
+@pytest.mark.parametrize(('source', 'name'), [(GAS, 'gas'), (SPRING, 'gas (strut)')])
+def test_cylinder_is_a_line_with_its_length_as_drawn(source, name):
+    design = configure(source)
+    (line,) = (x for x in describe(sketch_of(design)) if x.startswith(f'line {name}: '))
+    assert line.endswith(f'length {math.hypot(120.0, 140.0):.5g}')
+    assert '(200, -20)' in line
+    assert 'G' in written(design)[0]
+    assert name in written(design)[0]
+
+
+@pytest.mark.parametrize('source', ['shaper', 'compressor', 'watt', SPRING])
+def test_zero_of_a_slide_on_the_frame_does_not_move(source):
+    design = design_of(source)
+    for j, link in enumerate(design.mechanism.structure().links):
+        if link.is_guided:
+            places = [_zero(sketch_of(design, at), j) for at in (0.3, 1.1, 2.9)]
+            assert places == pytest.approx(places[:1] * 3, abs=1e-12)
+
+
+def test_command_writes_what_it_prints(tmp_path, monkeypatch, capsys):
+    words = 'linkage_chart', 'sketch', 'shaper', '--at', '85deg', '--out', str(tmp_path)
+    monkeypatch.setattr('sys.argv', [*words, '--format', 'svg,png'])
+    assert command_line.main() == 0
+    out = capsys.readouterr().out
+    assert 'crank 85 deg' in out
+    assert {x.name for x in tmp_path.iterdir()} == {'shaper_sketch.svg', 'shaper_sketch.png'}
+
+
+def test_angle_for_a_driven_cylinder_is_refused(monkeypatch, capsys):
+    monkeypatch.setattr('sys.argv', ['linkage_chart', 'sketch', 'excavator', '--at', '30deg'])
+    assert command_line.main() == 2
+    assert '--at' in capsys.readouterr().err
