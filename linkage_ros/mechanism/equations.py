@@ -326,18 +326,20 @@ def forward(
     torque: Real,
     environment: Environment = AT_REST,
 ) -> tuple[Real, ...]:
-    """Solves M q'' + h - Q = torque for q'', given the torque or force on the driven link."""
+    """Solves M q'' + h - Q = torque * levers for q'', given the torque or force on a link.
+
+    `levers` are the derivatives of the driven link's position with respect to the coordinates.
+    """
     outside = leaves(environment)
     require(is_finite(*q, *outside), model.refuse_torque, *q, *u, torque, *outside)
     pose = model.loop.pose(tuple(q))
-    rates, changes = velocities(pose, u), accelerations(pose, u, ())
-    held = balance(model.within(environment), pose, rates, changes)
-    matrix = mass_matrix(model, pose)
-    levers = pose.links[model.driven].jacobian
-    driven = [torque * lever - force for lever, force in zip(levers, held, strict=True)]
-    inertia = number(determinant(matrix))
+    rates, changes = velocities(pose, u), accelerations(pose, u, ())  # with q'' = 0
+    h_minus_Q = balance(model.within(environment), pose, rates, changes)
+    M, levers = mass_matrix(model, pose), pose.links[model.driven].jacobian
+    M_times_a = [torque * lever - force for lever, force in zip(levers, h_minus_Q, strict=True)]
+    inertia = number(determinant(M))
     require(inertia > 0, model.massless)
-    found = solved(matrix, driven, inertia)
+    found = solved(M, M_times_a, inertia)
     require(is_finite(*found, *u, torque), model.refuse_torque, *q, *u, torque, *outside)
     return found
 
