@@ -21,10 +21,7 @@ def nonblocking_stderr() -> Iterator[None]:
     Log lines pass through a pipe of this process. Lines beyond the pipe's 64 KiB are lost, as are
     the last lines if they are not read within a second after the end.
     """
-    # Files opened later must not get the number of a standard stream closed by `2>&-`.
-    while (unused := os.open(os.devnull, os.O_RDWR)) <= _STDERR:
-        pass
-    os.close(unused)
+    _occupy_standard_streams()
     original = os.dup(_STDERR)
     if os.isatty(original):  # rcutils would check the pipe instead
         os.environ.setdefault('RCUTILS_COLORIZED_OUTPUT', '1')
@@ -49,21 +46,31 @@ def muted_stderr() -> Iterator[None]:
     If no error is raised, the output is printed afterwards.
     """
     with tempfile.TemporaryFile() as held:
-        original = os.dup(2)
+        original = os.dup(_STDERR)
         _redirect(os.dup(held.fileno()))
         try:
             yield
         finally:
             _redirect(original)
         held.seek(0)
-        os.write(2, held.read())
+        os.write(_STDERR, held.read())
+
+
+def _occupy_standard_streams() -> None:
+    """Opens the null device for each standard stream that is closed, as by `2>&-`.
+
+    Otherwise, a file opened later would get its descriptor.
+    """
+    while (opened := os.open(os.devnull, os.O_RDWR)) <= _STDERR:
+        pass
+    os.close(opened)
 
 
 def _redirect(number: int) -> None:
     """Redirects stderr to an open file, and closes the file's original descriptor."""
     with suppress(OSError, AttributeError):  # the disk is full, or stderr is closed
         sys.stderr.flush()
-    os.dup2(number, 2)
+    os.dup2(number, _STDERR)
     os.close(number)
 
 

@@ -144,7 +144,9 @@ def read_study(path: str) -> Study:
 
 
 def _speed(settings: Settings, drive: Any, joint: Any) -> float | None:
-    """Returns the speed of the driven joint, rpm or m/s; None if there is none.
+    """Returns the speed of the driven joint, m/s if it slides, otherwise rpm; None if not given.
+
+    Without a setting, it is the `rpm` of the drive.
 
     Raises:
         ConfigurationError: The speed has the unit of another joint.
