@@ -15,11 +15,13 @@ from other_bags import GRIPPER, START, measurement, robot, write_mcap, write_ros
 from ros_harness import assert_refused, finished, logged
 
 from linkage_ros import LogError, read_log
+from linkage_ros.log import tables
+from linkage_ros.log.bag import BagTopic
 from linkage_ros.log.tables import write_csv
 from linkage_ros.messages.cdr import decode_joint_state
 from linkage_ros.messages.fields import Template
 from linkage_ros.messages.templates import joint_state
-from linkage_ros.messages.topics import JOINT_STATE
+from linkage_ros.messages.topics import JOINT_STATE, JOINT_TRAJECTORY, MECHANISM_STATE
 from linkage_ros.programs.record import record, record_measured
 from linkage_ros.settings.configuration import configure, load
 
@@ -180,3 +182,15 @@ def test_the_command_writes_a_table_or_one_line(tmp_path):
         done = finished('log', 'csv', *words)
         assert_refused(done.returncode, done.stdout, done.stderr, problem)
     assert len(table(out)[1]) == 1
+
+
+def test_two_topics_of_states_need_a_choice():
+    """A bag of two runs has two topics of one role: one of them must be named."""
+    names = '/a/mechanism_state', '/b/mechanism_state'
+    both = [
+        tables._Table(BagTopic(name, JOINT_TRAJECTORY.name, MECHANISM_STATE.role))
+        for name in names
+    ]
+    assert tables._chosen('two.mcap', both, names[0]) is both[0]
+    with pytest.raises(LogError, match='give one of these as --topic'):
+        tables._chosen('two.mcap', both, '')

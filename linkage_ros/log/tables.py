@@ -229,11 +229,14 @@ def _chosen(source: Path | str, tables: Sequence[_Table], name: str) -> _Table:
     Raises:
         LogError: There is no such table, or more than one.
     """
-    roles = {table.topic.role: table for table in tables}
-    for role in (MECHANISM_STATE.role, JOINT_STATES.role):
-        if not name and role in roles:
-            return roles[role]
-    fitting = [table for table in tables if table.topic.name == name or not name]
+    if name:
+        fitting = [table for table in tables if table.topic.name == name]
+    else:
+        states, joint_states = (
+            [table for table in tables if table.topic.role == topic.role]
+            for topic in (MECHANISM_STATE, JOINT_STATES)
+        )
+        fitting = states or joint_states or list(tables)
     if len(fitting) == 1:
         return fitting[0]
     names = ', '.join(sorted(table.topic.name for table in tables))
