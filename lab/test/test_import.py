@@ -24,7 +24,7 @@ from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.joints import joint_rows
 from linkage_ros.quantities import build, flatten
-from linkage_ros.settings.configuration import configure
+from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.yaml_file import read_parameter_file
 
 
@@ -179,6 +179,32 @@ def assert_same(found, values, made):
         expected = seen(zero) if parent == 'frame' else cmath.exp(1j * side * zero)
         assert abs(cmath.exp(1j * joint.zero) - expected) < 1e-12
     assert found.joints['crank'].ratio == 1
+
+
+@pytest.mark.parametrize('seed', range(12))
+def test_change_points_survive_the_rounding_errors_of_a_tilted_model(seed, tmp_path):
+    random = np.random.default_rng(seed)
+    a, b, c = sorted(round(float(x), 3) for x in random.uniform(0.1, 1, 3))
+    lengths = [
+        {'mechanism': 'four_bar', 'coupler.length': b, 'rocker.length': a, 'frame.length': b},
+        {'mechanism': 'four_bar', 'coupler.length': b, 'rocker.length': c,
+         'frame.length': round(b + c - a, 3)},
+        {'mechanism': 'slider_crank', 'coupler.length': round(a + b, 3), 'slider.offset': b},
+    ][seed % 3]  # fmt: skip
+    values = {'crank.length': a, 'frame.angle': random.uniform(-3, 3), **lengths}
+    for link in ('crank', 'coupler', 'rocker'):
+        if f'{link}.length' in values:
+            values |= {f'{link}.mass': 1.0, f'{link}.inertia': 0.1}
+    solver = Solver(build(MECHANISMS[values['mechanism']], values))
+    state = solver.state(random.uniform(-3, 3))
+    own = dict(zip(solver.links, map(float, state.position), strict=True))
+    made = make_robot(values, random)
+    request = Request('crank_motor', [made.close], at=pose_of(made, own))
+    found = draw_robot(read_robot(written(tmp_path, made)), request)
+    assert found.mechanism.reach().has_change_point
+    text = import_tool.parameter_text(found, 'robot.urdf')
+    (tmp_path / 'robot.yaml').write_text(text)
+    assert load(str(tmp_path / 'robot.yaml')).mechanism == found.mechanism
 
 
 # A leg: the motor of the knee sits in the hip and drives the shank by a parallel four-bar.

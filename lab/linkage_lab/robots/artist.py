@@ -174,7 +174,7 @@ class Artist:
         driven = next(sliding, self.driven.far)
         places = {pin.name: self._place(pose, pin) for pin in self.pins}
         shift = places.get(origin, 0j)
-        places = {name: place - shift for name, place in places.items()} | {**(moved or {})}
+        places = {name: place - shift for name, place in places.items()}
         values: dict[str, Any] = {
             'mechanism': 'drawing',
             'gravity': _pair(self._in_plane(self.plane.gravity), math.hypot(*self.plane.gravity)),
@@ -183,6 +183,8 @@ class Artist:
         }
         for name, place in places.items():
             values[f'drawing.pins.{name}'] = _pair(place, self.plane.size)
+        for name, place in (moved or {}).items():
+            values[f'drawing.pins.{name}'] = [place.real, place.imag]
         for body in self.loops.bodies[1:]:
             name, step, (place, turn) = self.names[body], blocks.get(body), pose[body]
             mass = self.plane.mass(body)

@@ -26,6 +26,7 @@ from linkage_ros import (
     FourBar,
     LinkageError,
     Mechanism,
+    SliderCrank,
     UnreachableError,
 )
 from linkage_ros.formulas import Array
@@ -35,6 +36,7 @@ _CLOSED = 1e-6  # largest distance of the ends of a closed loop, relative to the
 _ALIKE = 1e-9  # rad, difference between two assemblies that cannot be told apart
 _ONE = 1e-6  # rad or m, largest difference of assemblies that meet
 _TRIALS = 12  # values of the driven joint, at which the loops may close if they do not as given
+_ENDS = ('A0', 'A'), ('A', 'B'), ('B0', 'B'), ('A0', 'B0')  # of the links of a loop, frame last
 _AWAY = 0.05  # rad, or of the longest link: where a drawn linkage is compared with the robot
 
 
@@ -269,28 +271,39 @@ class _Poser:
         Otherwise rounding errors of the pins would decide whether the crank turns fully.
 
         Returns:
-            The lengths of the loop's links by name, m, and the place of the rocker's fixed pin.
+            The lengths of the loop's links by name, m, and the place of its last pin: the
+            rocker's fixed one, or that of the slider.
         """
         mechanism = drawn.mechanism
-        if not isinstance(mechanism, FourBar) or mechanism.drawn is None:
+        if not isinstance(mechanism, FourBar | SliderCrank) or mechanism.drawn is None:
             return {}, {}
-        pins = {pin.name: pin.places for pin in self.artist.pins}
-        A0, A, B, B0 = (pins[point_of(mechanism, x)] for x in ('A0', 'A', 'B', 'B0'))
+        places = {pin.name: pin.places for pin in self.artist.pins}
+        pins = {own: places[name] for own, name in mechanism.drawn.points}
         bodies = {name: body for body, name in self.artist.names.items()}
-        parts = 'crank', 'coupler', 'rocker', 'frame'
-        ends = (A0, A), (A, B), (B0, B), (A0, B0)
+        *_, last = mechanism.drawn.links
+        ends = dict(zip((*mechanism.drawn.links, FRAME), _ENDS, strict=True))
+        if isinstance(mechanism, SliderCrank):
+            ends = {link: pair for link, pair in ends.items() if link not in {last, FRAME}}
         lengths = {
-            link: to_digits(abs(end[bodies[link]] - start[bodies[link]]), self.size)
-            for link, (start, end) in zip((*mechanism.drawn.links, FRAME), ends, strict=True)
+            link: to_digits(abs(pins[B][bodies[link]] - pins[A][bodies[link]]), self.size)
+            for link, (A, B) in ends.items()
         }
+        parts = 'crank', 'coupler', 'rocker', 'frame'
         changes: dict[str, Any] = {
             part: replace(getattr(mechanism, part), length=length)
-            for part, length in zip(parts, lengths.values(), strict=True)
+            for part, length in zip(parts, lengths.values(), strict=False)
         }
+        if isinstance(mechanism, SliderCrank):
+            offset = to_digits(mechanism.slider.offset, self.size)
+            changes['slider'] = replace(mechanism.slider, offset=offset)
+            way = complex(*drawn.values[f'drawing.slides.{last}.direction'])
+            pin = complex(*drawn.values[f'drawing.pins.{point_of(mechanism, "B")}'])
+            moved = {'B': complex((pin / way).real, offset / abs(way)) * way}
+        else:
+            moved = {'B0': cmath.rect(lengths.pop(FRAME), mechanism.frame.angle)}
         with suppress(LinkageError):
             if replace(mechanism, **changes).reach().has_change_point:
-                ground = cmath.rect(lengths.pop(FRAME), mechanism.frame.angle)
-                return lengths, {point_of(mechanism, 'B0'): ground}
+                return lengths, {point_of(mechanism, own): x for own, x in moved.items()}
         return {}, {}
 
     def _residual(self, drawn: Drawn) -> tuple[float, float]:
