@@ -35,7 +35,7 @@ from linkage_ros.quantities import Quantity, shown
 Option: TypeAlias = tuple[tuple[str, ...], Quantity | None, dict[str, Any]]
 
 STOPPED_BY_USER = 130
-_POLL_SECONDS = 0.1  # between checks for a request to stop
+_POLL_SECONDS = 0.05  # between checks for a request to stop
 # After a request to stop, s: before a second signal makes it urgent, and for each thread after it.
 _ORDERLY_SECONDS, _URGENT_SECONDS = 1.0, 0.5
 
@@ -145,11 +145,14 @@ class Stop:
 
     If the end takes longer than a second, a second signal makes it urgent: threads that hang are
     abandoned.
+
+    Attributes:
+        signal: Name of the signal that requested the end; empty if none did.
     """
 
     def __init__(self) -> None:
         self._set_at = math.inf  # monotonic time of the request, s
-        self._is_repeated = False
+        self._is_repeated, self.signal = False, ''
         is_kept = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
         self._signals = [signal.SIGINT, signal.SIGTERM, *([] if is_kept else [signal.SIGHUP])]
         for number in self._signals:
@@ -157,11 +160,13 @@ class Stop:
             # Python restores its own handlers at exit, and a second Ctrl-C would kill the process.
             atexit.register(signal.signal, number, signal.SIG_IGN)
 
-    def _request(self, *_: object) -> None:
+    def _request(self, number: int, _: object) -> None:
         if self.is_set():
             self._is_repeated = True
-            for number in self._signals:  # nothing more can be requested
-                signal.signal(number, signal.SIG_IGN)
+            for each in self._signals:  # nothing more can be requested
+                signal.signal(each, signal.SIG_IGN)
+        else:
+            self.signal = signal.Signals(number).name
         self.set()
 
     def set(self) -> None:

@@ -19,14 +19,16 @@ from linkage_ros.log.records import (
     GAP_RECORD,
     MOTION_RECORD,
     ROLE,
+    TORQUE_END_RECORD,
     decode_configuration,
     decode_gap,
     decode_motion,
+    decode_torque_end,
     unseal,
 )
 from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout, message_record
 from linkage_ros.log.scan import MAGIC_SIZE, McapFile, mcap_file, records
-from linkage_ros.messages.topics import Topic
+from linkage_ros.messages.topics import EFFORT_COMMANDS, Topic
 from linkage_ros.settings.old_names import has_old_names
 from linkage_ros.units import TIME_END
 
@@ -90,6 +92,7 @@ class LogReader:
         version: Version of linkage_ros that wrote the log.
         has_old_names: Whether its parameters have names before version 2.0.
         motions: The segments of motion, in order.
+        torque_ends: The ends of torques, in order.
         lost: Number of logged messages missing from the file; None if this is unknown, because the
             log was recovered without its end record or written by an old version.
         dropped: Number of states and other messages that the run dropped, because the disk was too
@@ -109,6 +112,8 @@ class LogReader:
             LogError: The file is not a complete log of linkage_ros. The message states the reason.
         """
         self.path = Path(path)
+        # Channel and log time, ns, of messages on a topic of states that are not part of a state.
+        self._zeros = set[tuple[int, int]]()
         with mcap_file(self.path, _remedy) as file:
             self._read_summary(file)
 
@@ -137,6 +142,9 @@ class LogReader:
         self.motions = tuple(
             decode_motion(r.metadata, drive.segment) for r in records if r.name == MOTION_RECORD
         )
+        self.torque_ends = tuple(
+            decode_torque_end(r.metadata) for r in records if r.name == TORQUE_END_RECORD
+        )
         self.lost = next(
             (int(unseal(record.metadata)['messages']) - statistics.message_count
              for record in records if record.name == END_RECORD),
@@ -156,6 +164,8 @@ class LogReader:
             )
         self.topics = tuple(topics)
         self._roles = {topic.role: topic for topic in topics if topic.role}
+        if efforts := self.channel(EFFORT_COMMANDS):
+            self._zeros = {(efforts.number, end.stamp) for end in self.torque_ends}
         self._names = {topic.number: topic.name for topic in self.topics}
         # First and last time, offset and channels of each chunk. Tuples save memory, because the
         # log of a day has hundreds of thousands of chunks.
@@ -269,7 +279,8 @@ class LogReader:
                     if opcode == Opcode.MESSAGE:
                         message = self._message(data, start, at)
                         found += 1
-                        if message.channel in layout.channels:
+                        is_zero = (message.channel, message.time) in self._zeros
+                        if message.channel in layout.channels and not is_zero:
                             times = message.time, message.published
                             yield message_record(message.channel, times, message.data)
                         else:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Metadata records of a log: configuration, segments of motion, and end of the log.
+"""Metadata records of a log: configuration, segments of motion, ends of torques, end of the log.
 
 MCAP does not protect metadata with checksums. Each record therefore includes one, so that a
 flipped bit cannot change a setting unnoticed.
@@ -24,6 +24,7 @@ from linkage_ros.units import TIME_END
 
 CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'
+TORQUE_END_RECORD = 'linkage_ros/torque_end'  # see `TorqueEnd`
 GAP_RECORD = 'linkage_ros/gap'  # messages are missing before the next chunk; see `Gap`
 END_RECORD = 'linkage_ros/end'  # its field `messages` is the number of logged messages
 
@@ -79,6 +80,36 @@ def decode_gap(record: Mapping[str, str]) -> Gap:
         ValueError: The number is malformed. A missing number may raise other exceptions.
     """
     return Gap(int(unseal(record)['dropped']))
+
+
+class TorqueEnd(NamedTuple):
+    """The end of a torque that the run commanded: it sent a zero on each topic of commands.
+
+    Attributes:
+        stamp: Log time of the zeros, ns.
+        cause: A signal, or another cause; see `linkage_ros.node`.
+        linkage: The linkage that the torque drove; empty for the only one.
+    """
+
+    stamp: int
+    cause: str
+    linkage: str = ''
+
+
+def encode_torque_end(end: TorqueEnd) -> dict[str, str]:
+    """Encodes the end of a torque as a record."""
+    return seal({name: str(value) for name, value in end._asdict().items()})
+
+
+def decode_torque_end(record: Mapping[str, str]) -> TorqueEnd:
+    """Decodes a record created by `encode_torque_end`.
+
+    Raises:
+        LogError: The record is damaged.
+        ValueError: The stamp is malformed. Missing fields may raise other exceptions.
+    """
+    texts = unseal(record)
+    return TorqueEnd(int(texts['stamp']), texts['cause'], texts['linkage'])
 
 
 def encode_configuration(configuration: Configuration) -> dict[str, str]:

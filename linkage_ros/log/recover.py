@@ -22,6 +22,7 @@ from linkage_ros.log.records import (
     END_RECORD,
     GAP_RECORD,
     MOTION_RECORD,
+    TORQUE_END_RECORD,
     Gap,
     unseal,
 )
@@ -29,6 +30,9 @@ from linkage_ros.log.rows import message_heads
 from linkage_ros.log.scan import HEAD, McapFile, open_mcap, parsed, records
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.units import NS_PER_S, TIME_END
+
+# Names of the metadata records that are copied as they are.
+_COPIED = CONFIGURATION_RECORD, MOTION_RECORD, TORQUE_END_RECORD, GAP_RECORD
 
 
 class Recovered(NamedTuple):
@@ -155,7 +159,7 @@ class _Copy:
         elif isinstance(content, Metadata) and content.name == END_RECORD:
             self._logged = int(unseal(content.metadata)['messages'])
         elif isinstance(content, Metadata):
-            is_named = content.name in {CONFIGURATION_RECORD, MOTION_RECORD, GAP_RECORD}
+            is_named = content.name in _COPIED
             if is_named or CHECKSUM in content.metadata:
                 unseal(content.metadata)
                 is_second = self._is_configured and content.name == CONFIGURATION_RECORD

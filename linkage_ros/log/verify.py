@@ -33,6 +33,7 @@ from linkage_ros.log.logged_forces import LoggedForces
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout
 from linkage_ros.log.torque_states import TorqueStates
+from linkage_ros.log.torque_zeros import TorqueZeros
 from linkage_ros.mechanism.elementwise import noise
 from linkage_ros.messages.cdr import ENCAPSULATION, encode_string
 from linkage_ros.messages.topics import (
@@ -156,7 +157,7 @@ class Verification:
         self._layout = layout = RowLayout(simulator.templates, channels)
         self._names = [channel.name for channel in self._channels.values()]
         self._comparison = RowComparison(log, layout, self._names)
-        self._forces = LoggedForces(simulator, log)
+        self._forces, self._zeros = LoggedForces(simulator, log), TorqueZeros(simulator, log)
         self._expected = kind(simulator, log, layout)
 
     def run(self, progress: Callable[[int], object]) -> None:
@@ -181,6 +182,8 @@ class Verification:
                 if self.difference or len(self._rows) >= size:
                     break
         self._compare_last(progress)
+        if not (self.difference or self.stops_at_gap or self._log.lost):
+            self.difference = self._zeros.missing()
         self.missed, self.ulp = self._expected.missed, max(self.ulp, self._comparison.ulp)
 
     def _cross_gap(self, progress: Callable[[int], object]) -> None:
@@ -193,6 +196,7 @@ class Verification:
     def _handle(self, message: LoggedMessage) -> None:
         """Handles a message that is not part of a state; called in the order of writing."""
         self._expected.handle(message)
+        self.difference = self.difference or self._zeros.check(message)
         if self._forces.is_live:
             self._forces.handle(message, self.states + self._layout.count(self._rows, 0))
         due = self._simulator.description

@@ -20,10 +20,13 @@ from linkage_ros.log.records import (
     GAP_RECORD,
     MOTION_RECORD,
     ROLE,
+    TORQUE_END_RECORD,
     Gap,
+    TorqueEnd,
     encode_configuration,
     encode_gap,
     encode_motion,
+    encode_torque_end,
     seal,
 )
 from linkage_ros.log.rows import LoggedState, RowLayout, message_record
@@ -110,15 +113,21 @@ class LogWriter(AbstractContextManager['LogWriter']):
         )
         return channel
 
-    def add_states(self, templates: StateTemplates, name_of: Callable[[Topic], str]) -> None:
+    def add_states(
+        self, templates: StateTemplates, name_of: Callable[[Topic], str]
+    ) -> dict[str, int]:
         """Declares the channels of states.
 
         Args:
             templates: Templates of the messages of a state.
             name_of: Returns the fully qualified name of a topic.
+
+        Returns:
+            The channel number of each topic, by `Topic.name`.
         """
         channels = [(self.add_topic(topic, name_of(topic)), topic) for topic in templates.topics]
         self._layout = RowLayout(templates, channels)
+        return {topic.name: number for number, topic in channels}
 
     def write(self, channel: int, stamp: int, data: bytes) -> None:
         """Appends a message.
@@ -199,6 +208,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """Records that messages are missing here; call this after `flush`."""
         self._add(GAP_RECORD, encode_gap(gap))
 
+    def write_torque_end(self, end: TorqueEnd) -> None:
+        """Records the end of a torque; its zeros follow."""
+        self._add(TORQUE_END_RECORD, encode_torque_end(end))
+
     def consume(self, items: Sequence[Any]) -> None:
         """Appends items and flushes them; see `Worker`.
 
@@ -206,7 +219,8 @@ class LogWriter(AbstractContextManager['LogWriter']):
         asks for `recover`.
 
         Args:
-            items: States, tuples of arguments for `write`, segments of motion, or gaps.
+            items: States, tuples of arguments for `write`, segments of motion, ends of torques, or
+                gaps.
         """
         try:
             self._append(items)
@@ -228,6 +242,8 @@ class LogWriter(AbstractContextManager['LogWriter']):
             for item in group:
                 if kind is Gap:
                     self.write_gap(item)
+                elif kind is TorqueEnd:
+                    self.write_torque_end(item)
                 else:
                     self.write_motion(item)
 

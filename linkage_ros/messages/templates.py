@@ -102,6 +102,10 @@ def float64_array(name: str) -> list[Part]:
     return [ENCAPSULATION + struct.pack('<III4x', 0, 0, 1), Field(name, 'd')]
 
 
+# CDR bytes of an effort of 0 for a controller, which ends a torque.
+ZERO_EFFORT = Template(float64_array('torque')).pack(0.0)
+
+
 class StateTemplates:
     """Templates of the messages of a state, which follow each other without gaps.
 
@@ -209,6 +213,20 @@ def _numbers(
     directions = [Vector.at(angle) for angle in position]
     rows += [[*point.motion(directions, velocity, acceleration)[0]] for point in points]
     return tuple(number + 0.0 for row in rows for number in row)
+
+
+def holding_trajectory(name: str, frame_id: str, position: float) -> bytes:
+    """Encodes a JointTrajectory message that holds a position with an effort of 0, from now on.
+
+    Args:
+        name: Name of the joint.
+        frame_id: Frame of the message.
+        position: The position, rad or m.
+
+    Returns:
+        The CDR bytes of the message, whose stamp is 0: a point of the past would be refused.
+    """
+    return crank_trajectory(name, frame_id, [(0, (position, 0.0, 0.0, 0.0))])
 
 
 def crank_trajectory(

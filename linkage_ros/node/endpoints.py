@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -21,10 +22,11 @@ from linkage_ros.units import NS_PER_S, TIME_END
 
 # Time limit, s, for subscribers to discover a node, and time for the others to match.
 _DISCOVERY_SECONDS, _MATCH_SECONDS = 0.8, 0.2
+_DELIVERY_SECONDS = 0.5  # time limit for a subscriber that does not respond
 # Queue length of commands between ticks, which bounds the cost of a flood: older commands are
 # dropped. It is also the queue length of /clock, and large enough for a burst.
 _DEPTH = 100
-_PATIENCE = 0.1  # s, longest wait for a message, by which the end of a node is delayed
+_PATIENCE = 0.05  # s, longest wait for a message, by which the end of a node is delayed
 # Number of causes of rejection that are counted separately between two reports. Causes contain
 # received names and values, so a flood of messages may have any number of them.
 _CAUSES = 5
@@ -124,6 +126,12 @@ def wait_for_subscribers(
     return False
 
 
+def wait_for_delivery(publishers: Iterable[Publisher]) -> None:
+    """Waits until subscribers have received the last messages, unless one does not respond."""
+    for publisher in publishers:
+        publisher.wait_for_all_acked(Duration(seconds=_DELIVERY_SECONDS))
+
+
 class _PolledGroup(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has no types
     """Hides a subscription from the executor.
 
@@ -185,13 +193,20 @@ class PolledSubscription:
             self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
             self._take = self._subscription.handle.take_message
 
-    def receive(self) -> Iterator[Any]:
-        """Waits briefly for messages; reads them, and yields the results of accepted messages."""
+    def receive(self, seconds: float = _PATIENCE) -> Iterator[Any]:
+        """Waits briefly for messages; reads them, and yields the results of accepted messages.
+
+        Args:
+            seconds: Longest time to wait, s; there is a shorter limit.
+
+        Yields:
+            The results.
+        """
         handle = self._subscription.handle
         with handle:
             self._wait_set.clear_entities()
             self._wait_set.add_subscription(handle)
-            self._wait_set.wait(round(_PATIENCE * NS_PER_S))
+            self._wait_set.wait(round(min(max(seconds, 0.0), _PATIENCE) * NS_PER_S))
         yield from self.take()
 
     def take(self) -> Iterator[Any]:

@@ -5,20 +5,23 @@
 import functools
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
+from rclpy.publisher import Publisher
 
 from linkage_ros import cli
-from linkage_ros.errors import LinkageError
+from linkage_ros.errors import LinkageError, MotionError
+from linkage_ros.log.records import TorqueEnd
 from linkage_ros.log.rows import LoggedState
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.messages.cdr import WARN, encode_diagnostics
+from linkage_ros.messages.templates import ZERO_EFFORT
 from linkage_ros.messages.topics import (
     DIAGNOSTICS,
     ROBOT_DESCRIPTION,
@@ -28,12 +31,14 @@ from linkage_ros.messages.topics import (
 from linkage_ros.motion.drives.follow import MeasuredCrank
 from linkage_ros.motion.measured import FollowSegment
 from linkage_ros.motion.segments import Coordinates, Gravity, Motion, Segment
+from linkage_ros.node.commanded_torque import CommandedTorque
 from linkage_ros.node.endpoints import (
     PolledSubscription,
     StatePublisher,
     create_publisher,
     read_clock,
     require_distinct,
+    wait_for_delivery,
     wait_for_subscribers,
 )
 from linkage_ros.node.health import HealthMonitor
@@ -53,6 +58,9 @@ from linkage_ros.settings.summary import summary
 from linkage_ros.units import NS_PER_MS
 
 _NAME = 'linkage_node'
+# Time for a tick to end before the zero is sent that ends the torque, s. It must not wait for a
+# tick that hangs.
+_LAST_TICK_SECONDS = 0.1
 
 
 class LinkageNode(ParameterNode):
@@ -98,7 +106,10 @@ class LinkageNode(ParameterNode):
                 (StatePublisher(self, topic), place)
                 for topic, place in simulator.templates.slices.items()
             ]
-            self._others = {topic.name: create_publisher(self, topic) for topic in others}
+            self._publisher_of = {topic.name: create_publisher(self, topic) for topic in others}
+            for topic, (state, _) in zip(simulator.templates.slices, self._states, strict=True):
+                self._publisher_of[topic.name] = state.publisher
+        self._torque = CommandedTorque(self._send_zeros, self._drive.measurement_timeout)
         self._outputs = Outputs(self, simulator, [*others, *heard])
         self._inputs, self._forces = self._subscribed(inputs), self._subscribed(forces)
         self._ticker = self._make_ticker()
@@ -129,9 +140,8 @@ class LinkageNode(ParameterNode):
         if self._drive.is_measured:
             ((measured, crank),) = self._inputs
             answer = functools.partial(self._answer, crank)
-            return Ticker(
-                self._simulator.ticks, answer, self._restamp, self._fail, measured.receive
-            )
+            receive = functools.partial(self._measurements, measured)
+            return Ticker(self._simulator.ticks, answer, self._restamp, self._fail, receive)
         if not self.get_parameter('use_sim_time').value:
             return RealTimeTicker(*callbacks)
         clock = PolledSubscription(self, SIMULATED_CLOCK, read_clock, lambda *_: None)
@@ -144,6 +154,9 @@ class LinkageNode(ParameterNode):
             self._publish(ROBOT_DESCRIPTION, self._simulator.description)
         self._ticker.start()
         self._stop.wait()
+        self._ticker.stop(functools.partial(self._stop.join, timeout=_LAST_TICK_SECONDS))
+        self._torque.end_for_good(self._cause_of_end())
+        wait_for_delivery(self._command_publishers().values())
         ended = self._ticker.stop(self._stop.join)
         self._report_timer.cancel()  # no messages after the closing line
         try:
@@ -155,6 +168,12 @@ class LinkageNode(ParameterNode):
         finally:
             succeeded = self._outputs.close(self._stop.join)
         return 0 if succeeded and ended and not self._ticker.error else 1
+
+    def _cause_of_end(self) -> str:
+        error = self._ticker.error
+        if error:
+            return 'end of the motion' if isinstance(error, MotionError) else 'error'
+        return self._stop.signal or 'end'
 
     def _report_totals(self) -> None:
         counts, health = self._ticker.counts, self._outputs.health()
@@ -180,6 +199,11 @@ class LinkageNode(ParameterNode):
         self._continue(motion)
         self._publish_state(stamp, coordinates, ahead)
         self._publish_trajectory(stamp, motion)
+
+    def _measurements(self, measured: PolledSubscription) -> Iterator[tuple[int, Coordinates]]:
+        """Waits for measurements; ends the torque if they stop."""
+        yield from measured.receive(self._torque.seconds_left)
+        self._torque.end_if_due()
 
     def _answer(self, crank: MeasuredCrank, stamp: int, coordinates: Coordinates) -> None:
         """Publishes the state of a measurement; runs in the ticker's thread."""
@@ -234,6 +258,7 @@ class LinkageNode(ParameterNode):
             if topic.is_heard:
                 topic.publisher.publish(messages[place])
         self._outputs.log_state(LoggedState(now, messages))
+        self._torque.renew()
         self._outputs.show(stamp, state)
 
     def _publish_trajectory(self, stamp: int, motion: Motion) -> None:
@@ -242,9 +267,27 @@ class LinkageNode(ParameterNode):
         if ahead and (message := ahead.message_at(motion, stamp)) is not None:
             self._publish(ahead.topic, message)
 
+    def _command_publishers(self) -> dict[str, Publisher]:
+        """Returns the publishers of commands for controllers, by name of the topic."""
+        topics = self._drive.effort_command_topic, self._drive.trajectory_command_topic
+        return {name: self._publisher_of[name] for name in topics if name}
+
+    def _send_zeros(self, end: TorqueEnd) -> None:
+        """Sends and logs a torque of 0 on each topic of commands."""
+        zeros, drive = dict[str, bytes](), self._drive
+        if drive.effort_command_topic:
+            zeros[drive.effort_command_topic] = ZERO_EFFORT
+        if self._trajectory and self._coordinates:
+            place = float(self._coordinates.unwrapped)
+            zeros[drive.trajectory_command_topic] = self._trajectory.zero(place)
+        for name, message in zeros.items():
+            self._publisher_of[name].publish(message)
+        if zeros:
+            self._outputs.log_torque_end(end, zeros)
+
     def _publish(self, topic: Topic, message: bytes) -> None:
         """Publishes and logs a message that is not part of a state."""
-        self._others[topic.name].publish(message)
+        self._publisher_of[topic.name].publish(message)
         self._outputs.log_message(time.time_ns(), topic, message)
 
     def set_live(self, name: str, value: Any) -> None:

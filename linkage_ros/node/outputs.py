@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Log and live view of a node: its states, and the messages that it publishes and receives."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from ipaddress import ip_address
 from typing import Any
 
@@ -10,6 +10,7 @@ from rclpy.node import Node
 
 from linkage_ros import cli
 from linkage_ros.errors import LogError
+from linkage_ros.log.records import TorqueEnd
 from linkage_ros.log.rows import LoggedState
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.messages.topics import Topic
@@ -94,8 +95,8 @@ class Outputs:
 
         path, resolve = self._session.log, self._node.resolve_topic_name
         log = LogWriter(path, simulator.configuration, overwrite=self._session.log_overwrite)
-        log.add_states(simulator.templates, lambda topic: resolve(topic.name))
-        self._channels = {t.name: log.add_topic(t, resolve(t.name)) for t in others}
+        self._channels = log.add_states(simulator.templates, lambda topic: resolve(topic.name))
+        self._channels |= {t.name: log.add_topic(t, resolve(t.name)) for t in others}
         ended = 'the run continues without a log'
         self._start('log', log, _LOG_CAPACITY, _LOG_PERIOD, ended, gap=Gap)
         # A slow sync must not delay the flushes.
@@ -133,6 +134,15 @@ class Outputs:
         """Logs a segment of motion, which is not dropped; see `Worker`."""
         if self._session.log:
             self._workers['log'].offer(segment, segment.size, keep=True)
+
+    def log_torque_end(self, end: TorqueEnd, zeros: Mapping[str, bytes]) -> None:
+        """Logs the end of a torque and its zeros, CDR bytes by name of the topic; see `Worker`."""
+        if self._session.log:
+            worker = self._workers['log']
+            worker.offer(end, keep=True)
+            for name, message in zeros.items():
+                item = self._channels[name], end.stamp, message
+                worker.offer(item, len(message), keep=True)
 
     def log_message(self, stamp: int, topic: Topic, message: bytes) -> None:
         """Logs a message; a latched message, which is not repeated, is not dropped.

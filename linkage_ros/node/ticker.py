@@ -23,7 +23,7 @@ _LATENESS_SAMPLES = 10_000  # number of ticks whose lateness is stored
 # readings of the two clocks, which must not affect the stamps.
 CLOCK_STEP = 50 * NS_PER_MS
 # Longest uninterrupted sleep, s, which limits the time that a stop takes.
-_MAX_SLEEP = 0.1
+_MAX_SLEEP = 0.05
 # Largest number of ticks per clock message. A longer jump skips ticks and counts as a clock step.
 _MAX_TICKS_PER_MESSAGE = 1000
 

@@ -4,6 +4,7 @@
 
 import argparse
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from datetime import datetime, timezone
@@ -56,6 +57,10 @@ def info(log: LogReader) -> Iterator[str]:
     yield 'motion:'
     joint = solver.structure.driven_link.units
     yield from (f'  {_time(segment.stamp)}: {_motion(segment, joint)}' for segment in log.motions)
+    if log.torque_ends:
+        causes = Counter(printable(end.cause) for end in log.torque_ends)
+        counts = ', '.join(f'{cause} ({count} x)' for cause, count in causes.items())
+        yield f'torque ended with 0: {counts}'
     yield 'configuration:'
     values = log.configuration.parameters()
     leaves = parameter_leaves(log.configuration.kind, values)

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 from linkage_ros.errors import MotionError
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS
-from linkage_ros.messages.templates import crank_trajectory
+from linkage_ros.messages.templates import crank_trajectory, holding_trajectory
 from linkage_ros.messages.topics import TRAJECTORY_COMMANDS
 from linkage_ros.motion.segments import Motion, Segment
 from linkage_ros.run.states import Simulator
@@ -79,3 +79,11 @@ class TrajectoryAhead:
             return None
         self._due = stamp + self._horizon // 2
         return crank_trajectory(*self._names, self._points)
+
+    def zero(self, unwrapped: float) -> bytes:
+        """Returns a trajectory that ends the torque: it holds a place with an effort of 0.
+
+        Args:
+            unwrapped: The place: crank angle including all turns, rad, or position of a slide, m.
+        """
+        return holding_trajectory(*self._names, self._joint.value(unwrapped))

@@ -67,6 +67,8 @@ class Drive(Checked):
         lead_time: Time by which this torque is computed in advance of its stamp, s.
         trajectory_command_topic: Topic of trajectories of the crank; empty without them.
         trajectory_horizon: Duration of each trajectory, s.
+        measurement_timeout: Time without a measurement after which a commanded torque ends, s; 0:
+            never.
     """
 
     segment: ClassVar[type[Segment]]
@@ -74,7 +76,7 @@ class Drive(Checked):
     is_measured: ClassVar[bool] = False
     is_integrated: ClassVar[bool] = False
     effort_command_topic = trajectory_command_topic = ''
-    lead_time = trajectory_horizon = 0.0
+    lead_time = trajectory_horizon = measurement_timeout = 0.0
 
     @property
     @abstractmethod

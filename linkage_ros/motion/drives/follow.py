@@ -312,6 +312,8 @@ class FollowDrive(FeedForward):
         follow_bandwidth: Bandwidth of the filter that estimates rates and accelerations, Hz; 0 to
             set both to 0.
         frame_joint: Joint that turns base_link, which is measured in the same way.
+        measurement_timeout: Time without a measurement after which a commanded torque ends, s; 0:
+            never.
     """
 
     segment, subject, is_measured = FollowSegment, 'measured {}', True
@@ -321,6 +323,10 @@ class FollowDrive(FeedForward):
         'Hz', span=(0.0, 1e4), default=20.0,
     )  # fmt: skip
     frame_joint: FrameJoint = field(default_factory=FrameJoint)
+    measurement_timeout: float = quantity(
+        'number', 'time without a measurement after which a torque of 0 is sent on '
+        'effort_command_topic; 0: never', 's', span=(0.0, 1e6), default=0.1,
+    )  # fmt: skip
 
     @property
     def crank_angle(self) -> float:

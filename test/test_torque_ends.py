@@ -1,0 +1,355 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A commanded torque ends with the node, and with the measurements on which it depends.
+
+The plant is a real node that holds its last command for ever, as behind a controller that repeats
+it: it must move as under a torque of 0.
+"""
+
+import math
+import signal
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+import yaml
+from mechanisms import FOLLOWED
+from rclpy.serialization import deserialize_message
+from ros_harness import (
+    CODEC,
+    PATIENCE,
+    finished,
+    fresh_domain,
+    logged,
+    node_arguments,
+    report_of,
+    running,
+    stop,
+    verified,
+    wait_for,
+    watched,
+)
+from sensor_msgs.msg import JointState
+from state_messages import messages_at
+from trajectory_msgs.msg import JointTrajectory
+
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.records import TorqueEnd
+from linkage_ros.log.recover import recover
+from linkage_ros.log.rows import LoggedState
+from linkage_ros.log.tables import write_csv
+from linkage_ros.log.writer import LogWriter
+from linkage_ros.messages.fields import Template
+from linkage_ros.messages.templates import ZERO_EFFORT, float64_array
+from linkage_ros.messages.topics import DIAGNOSTICS
+from linkage_ros.motion.segments import Coordinates
+from linkage_ros.motion.under_torque import Motor, TorqueMotion
+from linkage_ros.node import commanded_torque
+from linkage_ros.node.commanded_torque import CommandedTorque
+from linkage_ros.programs.log_commands import info
+from linkage_ros.run.states import Simulator
+from linkage_ros.run.trajectory_ahead import TrajectoryAhead
+from linkage_ros.settings.configuration import configure, read_values
+
+PLANT, EFFORTS, TRAJECTORIES = '/plant/joint_states', '/arm/efforts', '/arm/trajectory'
+TYPES = {
+    PLANT: 'sensor_msgs/msg/JointState', EFFORTS: 'std_msgs/msg/Float64MultiArray',
+    TRAJECTORIES: 'trajectory_msgs/msg/JointTrajectory',
+}  # fmt: skip
+# A node in which something happens instead of the 200th state.
+ALTERED = """
+import sys, time
+from linkage_ros.executables import node
+from linkage_ros.run.states import Simulator
+
+state, count = Simulator.state, 0
+
+def altered(*arguments):
+    global count
+    count += 1
+    if count == 200:
+        {action}
+    return state(*arguments)
+
+Simulator.state = altered
+sys.exit(node())
+"""
+
+
+LIMIT, ROUNDING = 5.0, 1e-9  # N m; a published effort is computed from the acceleration
+
+
+def is_zero(effort):
+    return abs(effort) < ROUNDING
+
+
+def is_torque(effort):
+    return abs(effort) > 1e-3
+
+
+def effort_in(topic, data):
+    """Returns the effort that a controller holds for ever after a message."""
+    if topic == EFFORTS:
+        (effort,) = np.frombuffer(data[-8:], '<f8')
+        return float(effort)
+    return deserialize_message(data, JointTrajectory).points[-1].effort[0]
+
+
+class Plant:
+    """A plant that holds the last command of a topic for ever, although it could time out.
+
+    Attributes:
+        listener: Listener of its states and of the commands.
+        commands: Received messages with commands.
+    """
+
+    def __init__(self, listener, topic):
+        self.listener, self._topic = listener, topic
+        self.commands, self._states = listener.received[topic], listener.received[PLANT]
+        self._passed = 0
+        self._publisher = listener.node.create_publisher(JointState, '/plant/joint_commands', 10)
+        wait_for(lambda: self._publisher.get_subscription_count() and self._states)
+
+    def effort(self):
+        """Passes the last command on; returns the effort of the last state."""
+        if self.commands:
+            effort = effort_in(self._topic, self.commands[-1])
+            self._publisher.publish(JointState(name=['crank'], effort=[effort]))
+        return CODEC.decode(self._states[-1])[1][6]
+
+    def await_effort(self, holds):
+        wait_for(lambda: holds(self.effort()))
+
+    def await_held(self):
+        """Waits until the plant has the last command, and for 50 states; returns its effort."""
+        due = min(max(effort_in(self._topic, self.commands[-1]), -LIMIT), LIMIT)
+        self.await_effort(lambda effort: effort == pytest.approx(due, abs=ROUNDING))
+        before = len(self._states)
+        wait_for(lambda: len(self._states) > before + 50)
+        held = [CODEC.decode(data)[1][6] for data in self._states[before:]]
+        assert held == pytest.approx([due] * len(held), abs=ROUNDING)
+        return due
+
+
+@contextmanager
+def plant(path, topic=EFFORTS):
+    """Runs a plant with a log in a domain of its own; yields it and the domain."""
+    domain = fresh_domain()
+    arguments = node_arguments(
+        drive='torque', rate_hz=500.0, log=path, command_timeout=1e6, gravity='[0.0, 0.0]',
+        torque_limit=LIMIT,
+    )  # fmt: skip
+    topics = {name: TYPES[name] for name in (PLANT, topic)}
+    spaced = '-r', '__ns:=/plant'
+    with watched(topics, *arguments, *spaced, domain=domain) as (listener, node):
+        yield Plant(listener, topic), domain
+        stop(node)
+
+
+def assert_moves_without_torque(path):
+    """Integrates the last 50 states of a plant's log again, under a torque of 0."""
+    verified(path)
+    log, messages = logged(path)
+    states = [CODEC.decode(message.data) for message in messages[PLANT][-50:]]
+    solver = Simulator(log.configuration).solver
+    (first, numbers), *_ = states
+    angle, speed = numbers[0], numbers[3]
+    start = Coordinates((math.remainder(angle, 4 * math.pi),), (speed,), (0.0,), angle)
+    motion = TorqueMotion(solver, Motor(), start, first, 2_000_000)
+    assert abs(speed) > 0.01
+    for stamp, numbers in states:
+        assert motion.at(stamp).unwrapped == pytest.approx(numbers[0], abs=1e-9)
+
+
+LAW = {
+    'drive': 'motion', 'motion.times': '[0.0, 2.0]', 'motion.angles': '[0.0, 8.0]',
+    'motion.speeds': '[0.0, 8.0]',
+}  # fmt: skip
+ENDS = {
+    'SIGINT': (signal.SIGINT, 0, EFFORTS),
+    'SIGTERM': (signal.SIGTERM, 0, EFFORTS),
+    'SIGHUP': (signal.SIGHUP, 0, TRAJECTORIES),
+    'error': ('raise ZeroDivisionError', 1, EFFORTS),
+    'end of the motion': (LAW, 1, EFFORTS),
+    'hanging tick': ("print('hangs', flush=True) or time.sleep(1e6)", 1, EFFORTS),
+    'killed': (signal.SIGKILL, -9, EFFORTS),
+}
+
+
+@pytest.mark.parametrize('cause', ENDS)
+def test_plant_moves_without_torque_after_the_end_of_the_node(tmp_path, cause):
+    how, code, topic = ENDS[cause]
+    path, own = tmp_path / 'plant.mcap', tmp_path / 'run.mcap'
+    given = {'effort_command_topic': EFFORTS, 'trajectory_command_topic': TRAJECTORIES,
+             'log': own}  # fmt: skip
+    machine = FOLLOWED if isinstance(how, dict) else read_values('quadrilateral')
+    given |= {**machine, **how} if isinstance(how, dict) else machine
+    program = ALTERED.format(action=how) if isinstance(how, str) else 'node'
+    with plant(path, topic) as (held, domain):
+        with running(program, *node_arguments(**given), domain=domain) as node:
+            held.await_effort(lambda effort: is_torque(effort) or node.poll() is not None)
+            if cause == 'hanging tick':
+                wait_for(lambda: node.stdout.readline() == 'hangs\n')
+                node.send_signal(signal.SIGINT)
+                wait_for(lambda: effort_in(topic, held.commands[-1]) == 0.0)
+                wait_for(lambda: node.poll() is not None or node.send_signal(signal.SIGINT),
+                         pause=0.2)  # fmt: skip
+            elif isinstance(how, signal.Signals):
+                node.send_signal(how)
+            node.communicate(timeout=PATIENCE)
+            assert node.returncode == code
+        torque = held.await_held()
+    if cause == 'killed':  # nothing can be sent: the negative control
+        assert is_torque(torque)
+        return
+    assert torque == 0.0
+    assert_moves_without_torque(path)
+    (end,) = LogReader(own).torque_ends
+    assert end.cause == ('SIGINT' if cause == 'hanging tick' else cause)
+    verified(own)
+    zeros = [m for m in logged(own)[1][topic] if m.time == end.stamp]
+    assert [effort_in(topic, zero.data) for zero in zeros] == [0.0]
+
+
+def test_plant_moves_without_torque_while_measurements_are_frozen(tmp_path):
+    path, own, again = (tmp_path / f'{name}.mcap' for name in ('plant', 'run', 'again'))
+    given = {**FOLLOWED, 'effort_command_topic': EFFORTS, 'measurement_timeout': 0.5}
+    renamed = '-r', 'measured_joint_states:=/robot/joint_states'
+    followed = *node_arguments(**given, log=own), *renamed
+    with (
+        plant(path) as (held, domain),
+        running('node', *node_arguments(), '-r', '__ns:=/robot', domain=domain) as robot,
+        running('node', *followed, domain=domain) as node,
+    ):
+        held.await_effort(is_torque)
+        for _ in range(2):
+            robot.send_signal(signal.SIGSTOP)
+            wait_for(lambda: held.await_held() == 0.0)
+            robot.send_signal(signal.SIGCONT)
+            held.await_effort(is_torque)
+        robot.send_signal(signal.SIGSTOP)
+        wait_for(lambda: held.await_held() == 0.0)
+        stop(node)
+    assert_moves_without_torque(path)
+    verified(own)
+    log = LogReader(own)
+    *timeouts, last = [end.cause for end in log.torque_ends]
+    assert len(timeouts) >= 3
+    assert {*timeouts} == {'measurement_timeout'}
+    assert last == 'SIGINT'
+    # A recording of the same measurements commands nobody.
+    parameters = tmp_path / 'follow.yaml'
+    parameters.write_text(yaml.safe_dump({'/**': {'ros__parameters': given}}))
+    done = finished('record', parameters, again, '--measured', own)
+    assert done.returncode == 0, done.stderr
+    assert LogReader(again).torque_ends == ()
+    assert verified(again).states == verified(own).states
+
+
+# ---------------------------------------------------------------- without a node
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Replaces the monotonic clock by a list with the time, s."""
+    now = [100.0]
+    monkeypatch.setattr(commanded_torque.time, 'monotonic', lambda: now[0])
+    return now
+
+
+@pytest.mark.parametrize('timeout', [0.0, 0.125])
+def test_torque_ends_once_if_it_is_not_renewed_in_time(clock, timeout):
+    ends = []
+    torque = CommandedTorque(ends.append, timeout)
+    torque.end_if_due()  # nothing was commanded
+    for _ in range(2):
+        torque.renew()
+        assert torque.seconds_left == (timeout or math.inf)
+        clock[0] += 0.0625
+        torque.renew()
+        clock[0] += 0.0625
+        torque.end_if_due()
+        before = len(ends)
+        for _ in range(2):
+            clock[0] += 1e3
+            torque.end_if_due()
+        assert len(ends) == before + bool(timeout)
+        assert torque.seconds_left == math.inf or not timeout
+    assert {end.cause for end in ends} <= {'measurement_timeout'}
+
+
+def test_torque_that_a_late_tick_commands_after_the_end_is_ended_again():
+    ends = []
+    torque = CommandedTorque(ends.append)
+    torque.end_for_good('SIGTERM')
+    torque.renew()
+    assert [end.cause for end in ends] == ['SIGTERM', 'SIGTERM']
+
+
+START, CAUSES = 1_795_000_000_000_000_000, ('measurement_timeout', 'SIGINT')
+NOT_ZERO = Template(float64_array('torque')).pack(1e-300)
+
+
+def write(path, ends, efforts):
+    """Writes a log with 30 states, records of ends, and efforts between states by log time, ns."""
+    given = {**read_values('quadrilateral'), 'effort_command_topic': EFFORTS,
+             'trajectory_command_topic': TRAJECTORIES}  # fmt: skip
+    configuration = configure(given)
+    simulator = Simulator(configuration)
+    motion, ahead = simulator.begin(START), TrajectoryAhead(simulator)
+    with LogWriter(path, configuration, overwrite=True) as log:
+        channels = log.add_states(simulator.templates, lambda topic: topic.name)
+        trajectories = log.add_topic(ahead.topic, TRAJECTORIES)
+        log.add_topic(DIAGNOSTICS, '/diagnostics')  # as in a live run
+        log.write_motion(motion.segment)
+        for tick in range(30):
+            stamp = START + simulator.ticks.elapsed(tick)
+            log.consume(
+                [LoggedState(stamp, b''.join(messages_at(simulator, motion, stamp).messages))]
+            )
+            if data := ahead.message_at(motion, stamp):
+                log.write(trajectories, stamp, data)
+            if tick in {10, 29}:
+                stamp += 1000
+                log.consume([end for end in ends if end.stamp == stamp])
+                if stamp in efforts:
+                    log.write(channels[EFFORTS], stamp, efforts[stamp])
+                    log.write(trajectories, stamp, ahead.zero(1.25))
+    return path
+
+
+STAMPS = [START + tick * 5_000_000 + 1000 for tick in (10, 29)]
+RECORDED = [TorqueEnd(stamp, cause) for stamp, cause in zip(STAMPS, CAUSES, strict=True)]
+
+
+def test_zeros_are_verified_recovered_listed_and_left_out_of_tables(tmp_path):
+    zeros = dict.fromkeys(STAMPS, ZERO_EFFORT)
+    path = write(tmp_path / 'run.mcap', RECORDED, zeros)
+    saved = tmp_path / 'saved.mcap'
+    cut = tmp_path / 'cut.mcap'
+    cut.write_bytes(path.read_bytes()[:-900])
+    recover(cut, saved)
+    for each in (path, saved):
+        log = LogReader(each)
+        assert [*log.torque_ends] == RECORDED
+        assert verified(each).states == 30
+        replayed = [m for m in log.messages([EFFORTS]) if m.time in zeros]
+        assert [m.data for m in replayed] == [ZERO_EFFORT] * 2
+        (line,) = [line for line in info(log) if 'torque ended' in line]
+        assert line.endswith('measurement_timeout (1 x), SIGINT (1 x)')
+        assert write_csv(each, tmp_path / 'run.csv', overwrite=True).rows == 30
+
+
+@pytest.mark.parametrize(
+    ('ends', 'efforts', 'words'),
+    [
+        (RECORDED, dict.fromkeys(STAMPS[:1], ZERO_EFFORT), 'is not in the log'),
+        (RECORDED, dict.fromkeys(STAMPS, NOT_ZERO), 'is not a torque of 0'),
+        (RECORDED[:1], dict.fromkeys(STAMPS, ZERO_EFFORT), 'not the next message of state'),
+        ([], {STAMPS[0]: ZERO_EFFORT}, 'not the next message of state'),
+    ],
+)
+def test_a_zero_without_its_record_or_a_record_without_its_zero_differs(
+    tmp_path, ends, efforts, words
+):
+    assert words in report_of(write(tmp_path / 'run.mcap', ends, efforts)).difference
