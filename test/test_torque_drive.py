@@ -125,14 +125,20 @@ def test_a_command_acts_from_the_tick_that_reads_it_until_it_expires(commands):
     assert figures[1:] == ['7', '2', '0', '2']
 
 
-def test_warning_about_command_gaps_stays_until_gaps_end(commands, clock):
+def test_a_gap_between_commands_is_warned_of_until_its_end_and_three_for_ten_seconds(
+    commands, clock
+):
     commands.torque(0, [])
     assert not commands.troubles('')  # no command was ever sent
     commands.torque(0, [1.5])
-    commands.torque(500 * NS_PER_MS, [])
-    for wait, is_reported in ((0.0, True), (9.5, True), (0.5, False)):
+    for n, is_reported in ((0, False), (1, False), (2, True)):
+        commands.torque((n + 1) * NS_PER_S - 1, [])
+        assert commands.troubles('')
+        clock.time += 1.0
+        commands.torque((n + 1) * NS_PER_S, [1.5])
+        assert bool(commands.troubles('')) == is_reported
+    for wait, is_reported in ((6.5, True), (1.0, False)):
         clock.time += wait
-        commands.torque(NS_PER_S, [1.5])
         assert bool(commands.troubles('')) == is_reported
 
 

@@ -6,6 +6,7 @@ The plant is a real node that holds its last command for ever, as behind a contr
 it: it must move as under a torque of 0.
 """
 
+import itertools
 import math
 import signal
 from contextlib import contextmanager
@@ -80,7 +81,7 @@ LIMIT, ROUNDING = 5.0, 1e-9  # N m; a published effort is computed from the acce
 
 
 def is_zero(effort):
-    return abs(effort) < ROUNDING
+    return effort == 0.0
 
 
 def is_torque(effort):
@@ -120,15 +121,17 @@ class Plant:
     def await_effort(self, holds):
         wait_for(lambda: holds(self.effort()))
 
-    def await_held(self):
-        """Waits until the plant has the last command, and for 50 states; returns its effort."""
-        due = min(max(effort_in(self._topic, self.commands[-1]), -LIMIT), LIMIT)
-        self.await_effort(lambda effort: effort == pytest.approx(due, abs=ROUNDING))
-        before = len(self._states)
-        wait_for(lambda: len(self._states) > before + 50)
-        held = [CODEC.decode(data)[1][6] for data in self._states[before:]]
-        assert held == pytest.approx([due] * len(held), abs=ROUNDING)
-        return due
+    def await_held(self, holds):
+        """Waits until 50 states in a row have the effort of the last command, which must hold."""
+
+        def is_held():
+            self.effort()
+            torque = effort_in(self._topic, self.commands[-1])
+            due = min(max(torque, -LIMIT), LIMIT)
+            last = [CODEC.decode(data)[1][6] for data in self._states[-50:]]
+            return holds(torque) and last == pytest.approx([due] * 50, abs=ROUNDING)
+
+        wait_for(is_held)
 
 
 @contextmanager
@@ -198,11 +201,9 @@ def test_plant_moves_without_torque_after_the_end_of_the_node(tmp_path, cause):
                 node.send_signal(how)
             node.communicate(timeout=PATIENCE)
             assert node.returncode == code
-        torque = held.await_held()
+        held.await_held(is_torque if cause == 'killed' else is_zero)
     if cause == 'killed':  # nothing can be sent: the negative control
-        assert is_torque(torque)
         return
-    assert torque == 0.0
     assert_moves_without_torque(path)
     (end,) = LogReader(own).torque_ends
     assert end.cause == ('SIGINT' if cause == 'hanging tick' else cause)
@@ -224,11 +225,11 @@ def test_plant_moves_without_torque_while_measurements_are_frozen(tmp_path):
         held.await_effort(is_torque)
         for _ in range(2):
             robot.send_signal(signal.SIGSTOP)
-            wait_for(lambda: held.await_held() == 0.0)
+            held.await_held(is_zero)
             robot.send_signal(signal.SIGCONT)
             held.await_effort(is_torque)
         robot.send_signal(signal.SIGSTOP)
-        wait_for(lambda: held.await_held() == 0.0)
+        held.await_held(is_zero)
         stop(node)
     assert_moves_without_torque(path)
     verified(own)
@@ -240,10 +241,69 @@ def test_plant_moves_without_torque_while_measurements_are_frozen(tmp_path):
     # A recording of the same measurements commands nobody.
     parameters = tmp_path / 'follow.yaml'
     parameters.write_text(yaml.safe_dump({'/**': {'ros__parameters': given}}))
-    done = finished('record', parameters, again, '--measured', own)
+    measured = '--measured', own, '--topic', '/robot/joint_states'
+    done = finished('record', parameters, again, *measured)
     assert done.returncode == 0, done.stderr
     assert LogReader(again).torque_ends == ()
     assert verified(again).states == verified(own).states
+
+
+# A node that reports nothing by itself but what is new.
+SILENT = """
+import sys
+from linkage_ros.executables import node
+from linkage_ros.node import linkage_node
+
+linkage_node._REPORT_SECONDS = 1e9
+sys.exit(node())
+"""
+LOST = {
+    'joint_commands': (
+        {'drive': 'torque', 'command_timeout': 0.5}, 'no command on /joint_commands',
+    ),
+    'measured_joint_states': (
+        {**FOLLOWED, 'effort_command_topic': EFFORTS, 'measurement_timeout': 0.5},
+        'no measurement of crank on /measured_joint_states in the last 0.5 s: a torque of 0',
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('topic', LOST)
+def test_a_lost_source_and_its_return_are_reported_before_the_next_report_is_due(topic):
+    parameters, words = LOST[topic]
+    words, said = words.encode(), '/diagnostics'
+    arguments = node_arguments(**parameters)
+    with watched([said, '/joint_states'], *arguments, program=SILENT) as (listener, node):
+        reports, states = listener.received.values()
+        publisher = listener.node.create_publisher(JointState, topic, 10)
+        wait_for(publisher.get_subscription_count)
+        times = itertools.count(1)
+
+        def send():
+            message = JointState(name=['crank'], position=[0.5], effort=[0.1])
+            message.header.stamp.sec = next(times)
+            publisher.publish(message)
+
+        def is_lost(report):
+            return words in report
+
+        wait_for(lambda: send() or (states and CODEC.decode(states[-1])[1][6]))
+        for _ in range(2):
+            wait_for(lambda: reports and is_lost(reports[-1]))
+            wait_for(lambda: send() or not is_lost(reports[-1]))
+        output = stop(node)
+    assert output.count(words.decode()) >= 2
+
+
+def test_a_publisher_of_another_type_on_an_input_topic_is_named():
+    said = '/diagnostics'
+    with watched([said], *node_arguments(drive='torque')) as (listener, node):
+        listener.node.create_publisher(JointTrajectory, '/joint_commands', 10)
+        words = (
+            b'/listener publishes trajectory_msgs/msg/JointTrajectory on /joint_commands, which'
+        )
+        wait_for(lambda: any(words in report for report in listener.received[said]))
+        assert words.decode() in stop(node)
 
 
 # ---------------------------------------------------------------- without a node

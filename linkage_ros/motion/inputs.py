@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readers of the messages that a motion receives."""
 
-import math
 import time
+from collections import deque
 from collections.abc import Iterable
 from typing import Any, Generic, TypeVar
 
@@ -11,8 +11,30 @@ from linkage_ros.motion.segments import Motion
 from linkage_ros.units import NS_PER_S
 
 WINDOW = 10  # s, period to which the rates and warnings of diagnostics refer
+_MOST_LOSSES = 3  # in this period; a source that is lost more often counts as lost throughout
 
 T = TypeVar('T')
+
+
+class Losses:
+    """The last losses of a source of messages.
+
+    A loss and its end are reported at once, so a source that is lost often must not count as
+    found each time.
+    """
+
+    def __init__(self) -> None:
+        self._times = deque[float](maxlen=_MOST_LOSSES)
+
+    def add(self) -> None:
+        """Notes that the source was lost."""
+        self._times.append(time.monotonic())
+
+    @property
+    def are_frequent(self) -> bool:
+        """Whether the source was lost three times in the last 10 s."""
+        times = [*self._times]
+        return len(times) == _MOST_LOSSES and time.monotonic() - times[0] < WINDOW
 
 
 class Expiring(Generic[T]):
@@ -35,7 +57,7 @@ class Expiring(Generic[T]):
         self.default, self._timeout = default, round(timeout * NS_PER_S)
         self._begin: int | None = None  # of the last received value, ns
         self._is_active = False
-        self._without_at = -math.inf  # last time without a value after a timeout, s
+        self._losses = Losses()
 
     def at(self, now: int, received: Iterable[T]) -> T:
         """Returns the value that acts from now on.
@@ -47,9 +69,10 @@ class Expiring(Generic[T]):
         for value in received:
             self.value, self._begin, self._is_active = value, now, True
         if self._begin is not None and not self.acts(now - self._begin):
-            self.timeouts += self._is_active
+            if self._is_active:
+                self.timeouts += 1
+                self._losses.add()
             self.value, self._is_active = self.default, False
-            self._without_at = time.monotonic()
         return self.value
 
     def acts(self, age: int) -> bool:
@@ -57,9 +80,10 @@ class Expiring(Generic[T]):
         return 0 <= age < self._timeout
 
     @property
-    def has_expired(self) -> bool:
-        """Whether, after a timeout, no value acted at some time in the last 10 s."""
-        return time.monotonic() - self._without_at < WINDOW
+    def is_lost(self) -> bool:
+        """Whether the last value has expired, or values expire often."""
+        has_expired = self._begin is not None and not self._is_active
+        return has_expired or self._losses.are_frequent
 
 
 class Input:
@@ -99,7 +123,7 @@ class Input:
         return []
 
     def troubles(self, topic: str) -> list[str]:  # noqa: ARG002, for other inputs
-        """Returns warnings, given the name of the topic."""
+        """Returns warnings, given the name of the topic; a change is reported at once."""
         return []
 
     def diagnostics(self) -> dict[str, str]:

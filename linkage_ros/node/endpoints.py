@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.errors import ConfigurationError, one_line
 from linkage_ros.messages.cdr import LARGEST_COMMAND, stamp_of
 from linkage_ros.messages.topics import Topic
 from linkage_ros.node.process import Throttle, rclpy_internals
@@ -175,6 +175,7 @@ class PolledSubscription:
             ConfigurationError: This version of rclpy differs from that of ROS 2 Jazzy.
         """
         self.name, self._logger = node.resolve_topic_name(topic.name), node.get_logger()
+        self._node = node
         self._topic, self._read, self._log = topic, read, log
         self._kind, self._depth = message_class(topic.interface.name), max(topic.depth, _DEPTH)
         # Number of rejected messages since the last report, and the last error, by cause.
@@ -192,6 +193,16 @@ class PolledSubscription:
 
             self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
             self._take = self._subscription.handle.take_message
+
+    def mistyped(self) -> list[str]:
+        """Returns a warning if a node publishes another type on the topic, which is not heard."""
+        own = self._topic.interface.name
+        for other in self._node.get_publishers_info_by_topic(self.name):
+            if other.topic_type != own:
+                node = f'{other.node_namespace.rstrip("/")}/{other.node_name}'
+                words = f'{node} publishes {other.topic_type} on {self.name}, which takes {own}'
+                return [one_line(words)]
+        return []
 
     def receive(self, seconds: float = _PATIENCE) -> Iterator[Any]:
         """Waits briefly for messages; reads them, and yields the results of accepted messages.

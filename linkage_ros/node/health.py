@@ -18,6 +18,7 @@ from linkage_ros.units import NS_PER_MS, NS_PER_S
 # Fractions of missed ticks above which the warning starts and below which it ends. They differ, so
 # that the warning does not flicker if the fraction fluctuates around one of them.
 _OVERLOADED, _RECOVERED = 0.10, 0.05
+_JITTER = 0.5  # s by which the window may be shorter or longer than 10 s
 _BUSY = (
     f'more than {100 * _OVERLOADED:g} % of the ticks of the last {WINDOW} s were missed: '
     'the machine is too busy for this rate_hz, or a torque-driven crank is too fast (add '
@@ -53,7 +54,7 @@ class HealthMonitor:
         self._node = node
         self._is_overloaded = False
         # Time, s, counts and parts at the start of the window and at each report since.
-        self._past: deque[tuple[float, TickCounts, dict[str, Health]]] = deque(maxlen=WINDOW + 1)
+        self._past: deque[tuple[float, TickCounts, dict[str, Health]]] = deque()
         self._past.append((time.monotonic(), TickCounts(), {}))
         self._last: dict[str, Status] = {}
 
@@ -64,7 +65,7 @@ class HealthMonitor:
         parts: dict[str, Health],
         troubles: Sequence[str],
     ) -> list[Status]:
-        """Returns the statuses of the motion and of each part; call it once a second.
+        """Returns the statuses of the motion and of each part; call it at least once a second.
 
         Args:
             counts: Counts of ticks so far.
@@ -75,7 +76,10 @@ class HealthMonitor:
         Returns:
             The status of the motion, followed by those of the parts.
         """
-        self._past.append((time.monotonic(), replace(counts), parts))
+        now = time.monotonic()
+        self._past.append((now, replace(counts), parts))
+        while len(self._past) > 2 and now - self._past[1][0] > WINDOW - _JITTER:
+            self._past.popleft()
         return [self._motion(figures, list(troubles)), *map(self._output, parts)]
 
     def changes(self, statuses: Sequence[Status]) -> list[Status]:
@@ -104,7 +108,7 @@ class HealthMonitor:
             step = counts.last_step / NS_PER_S
             troubles.append(f'the clock was stepped by {step:+.3f} s in the last {WINDOW} s')
         limit = _RECOVERED if self._is_overloaded else _OVERLOADED
-        is_full = len(self._past) > WINDOW
+        is_full = now - start > WINDOW - _JITTER
         self._is_overloaded = is_full and missed > limit * max(1, kept + missed)
         if self._is_overloaded:
             troubles.append(_BUSY)

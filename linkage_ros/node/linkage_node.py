@@ -10,7 +10,6 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
 from rclpy.publisher import Publisher
 
 from linkage_ros import cli
@@ -46,7 +45,7 @@ from linkage_ros.node.outputs import Outputs
 from linkage_ros.node.parameter_node import ParameterNode, given_values
 from linkage_ros.node.process import reported_as_configuration, run_program
 from linkage_ros.node.ticker import RealTimeTicker, SimTimeTicker, Ticker
-from linkage_ros.node.workers import freeze_heap
+from linkage_ros.node.workers import accompany_ticker, freeze_heap
 from linkage_ros.quantities import build, counted, flatten
 from linkage_ros.run.states import Simulator
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
@@ -61,6 +60,7 @@ _NAME = 'linkage_node'
 # Time for a tick to end before the zero is sent that ends the torque, s. It must not wait for a
 # tick that hangs.
 _LAST_TICK_SECONDS = 0.1
+_REPORT_SECONDS, _WATCH_SECONDS = 1.0, 0.05  # between reports, and between looks for news
 
 
 class LinkageNode(ParameterNode):
@@ -122,10 +122,8 @@ class LinkageNode(ParameterNode):
             for line in source.notes(subscription.name):
                 self.get_logger().warning(line)
         wait_for_subscribers([state.publisher for state, _ in self._states])
+        self._lost: list[str] = []  # warnings in the last report about sources of messages
         freeze_heap()
-        # Reports use real time, because simulated time may be paused.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._report_timer = self.create_timer(1.0, self._report, clock=steady)
 
     def _subscribed(self, sources: Mapping[Topic, Any]) -> list[tuple[PolledSubscription, Any]]:
         """Subscribes to topics; returns each subscription with the reader of its messages."""
@@ -153,12 +151,11 @@ class LinkageNode(ParameterNode):
         if self._simulator.description:
             self._publish(ROBOT_DESCRIPTION, self._simulator.description)
         self._ticker.start()
-        self._stop.wait()
+        self._report_until_stop()
         self._ticker.stop(functools.partial(self._stop.join, timeout=_LAST_TICK_SECONDS))
         self._torque.end_for_good(self._cause_of_end())
         wait_for_delivery(self._command_publishers().values())
         ended = self._ticker.stop(self._stop.join)
-        self._report_timer.cancel()  # no messages after the closing line
         try:
             if ended:
                 self._report()
@@ -168,6 +165,26 @@ class LinkageNode(ParameterNode):
         finally:
             succeeded = self._outputs.close(self._stop.join)
         return 0 if succeeded and ended and not self._ticker.error else 1
+
+    def _report_until_stop(self) -> None:
+        """Reports once a second, and when a source of messages is lost or returns.
+
+        Real time counts, because simulated time may be paused.
+        """
+        accompany_ticker()  # a tick may wait for the interpreter lock that a report holds
+        due = time.monotonic() + _REPORT_SECONDS
+        while not self._stop.wait(_WATCH_SECONDS):
+            now = time.monotonic()
+            if now >= due:
+                due = max(due + _REPORT_SECONDS, now)
+                self._report()
+            elif self._lost_sources() != self._lost:
+                self._report()
+
+    def _lost_sources(self) -> list[str]:
+        """Returns the warnings about sources of messages that are lost."""
+        sources = *self._inputs, *self._forces
+        return [line for topic, source in sources for line in source.troubles(topic.name)]
 
     def _cause_of_end(self) -> str:
         error = self._ticker.error
@@ -308,9 +325,10 @@ class LinkageNode(ParameterNode):
         for topic, _ in self._states:
             topic.count()
         is_waiting = isinstance(self._ticker, SimTimeTicker) and not self._state
-        troubles, figures = ['waiting for /clock'] * is_waiting, self._figures()
+        figures, self._lost = self._figures(), self._lost_sources()
+        troubles = ['waiting for /clock'] * is_waiting + self._lost
         for subscription, source in (*self._inputs, *self._forces):
-            troubles += source.troubles(subscription.name)
+            troubles += subscription.mistyped()
             figures.update(source.diagnostics())
         health = self._outputs.health()
         statuses = self._monitor.report(self._ticker.counts, figures, health, troubles)

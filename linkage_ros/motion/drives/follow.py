@@ -18,7 +18,7 @@ from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.messages.topics import MEASURED_JOINT_STATES, Topic
 from linkage_ros.motion.drives.base import Machine
 from linkage_ros.motion.drives.feed_forward import FeedForward
-from linkage_ros.motion.inputs import Input
+from linkage_ros.motion.inputs import Input, Losses
 from linkage_ros.motion.measured import FollowMotion, FollowSegment, Tracked, extrapolated
 from linkage_ros.motion.segments import Coordinates, stacked
 from linkage_ros.numeric import Real
@@ -28,7 +28,9 @@ from linkage_ros.units import NS_PER_S
 # Computes the numbers in messages from coordinates, and those for the feed-forward torque.
 Numbers: TypeAlias = Callable[[Coordinates, Coordinates | None], Sequence[Real]]
 
-_SILENCE = 2.0  # s without a measurement after which a warning is issued
+# s without a measurement after which a warning is issued, if no torque depends on them, or before
+# the first one.
+_SILENCE = 2.0
 NO_CRANK, NO_FRAME, NO_JOINT_STATE, OUT_OF_REACH = (
     'without a position of the crank', 'without a position of frame_joint', 'no JointState',
     'out of reach',
@@ -97,13 +99,17 @@ class MeasuredCrank(Input):
         rejected: Number of rejected messages, by cause.
     """
 
-    def __init__(self, machine: Machine, bandwidth: float, frame: FrameJoint) -> None:
+    def __init__(
+        self, machine: Machine, bandwidth: float, frame: FrameJoint, timeout: float = 0.0
+    ) -> None:
         """Initializes without a measurement.
 
         Args:
             machine: The mechanism.
             bandwidth: Bandwidth of the filters, Hz; see `FollowDrive`.
             frame: Joint that turns base_link.
+            timeout: Time without a measurement after which the node commands a torque of 0, s; 0
+                if it does not.
         """
         self._machine, self._joint = machine, JointReader(machine.crank)
         reach = machine.solver.reach
@@ -112,7 +118,9 @@ class MeasuredCrank(Input):
         self._frame_joint, self._frame_reader = frame.read_by(), JointReader(frame.name)
         self._frame = FollowMotion(bandwidth, 1) if frame.name else None
         self.rejected: Counter[str] = Counter()
-        self._last = -math.inf  # time of the last accepted measurement, s
+        self._timeout, self._losses = timeout, Losses()
+        self._last = time.monotonic()  # time of the last accepted measurement, s, or of the start
+        self._is_heard = False
 
     def read(self, data: bytes, received: int) -> tuple[int, Coordinates]:
         """Reads a measurement from a message.
@@ -135,7 +143,10 @@ class MeasuredCrank(Input):
         except ValueError:
             self._take_back(before)
             raise
-        self._last = time.monotonic()
+        now = time.monotonic()
+        if self._is_heard and now - self._last > self._silence:
+            self._losses.add()
+        self._last, self._is_heard = now, True
         return stamp, found
 
     def answers(
@@ -289,13 +300,19 @@ class MeasuredCrank(Input):
         self.rejected[str(error).partition(':')[0]] += 1
 
     def troubles(self, topic: str) -> list[str]:
-        """Returns a warning if no measurement has been accepted for 2 s."""
-        if time.monotonic() < self._last + _SILENCE:
+        """Returns a warning if measurements stopped, or stop often."""
+        if time.monotonic() - self._last < self._silence and not self._losses.are_frequent:
             return []
         crank = self._machine.crank
         if self._frame:
             crank += f' and {self._frame_joint.name}'
-        return [f'no measurement of {crank} on {topic} in the last {_SILENCE:g} s']
+        ends = ': a torque of 0 is commanded' if self._is_heard and self._timeout else ''
+        return [f'no measurement of {crank} on {topic} in the last {self._silence:g} s{ends}']
+
+    @property
+    def _silence(self) -> float:
+        """Time without a measurement after which a warning is issued, s."""
+        return self._timeout or _SILENCE if self._is_heard else _SILENCE
 
     def diagnostics(self) -> dict[str, str]:
         """Returns the counts of rejected messages, for diagnostics."""
@@ -361,7 +378,8 @@ class FollowDrive(FeedForward):
 
     def inputs(self, machine: Machine) -> dict[Topic, Input]:
         """Receives measurements; see `Drive.inputs`."""
-        crank = MeasuredCrank(machine, self.follow_bandwidth, self.frame_joint)
+        timeout = self.measurement_timeout if self.effort_command_topic else 0.0
+        crank = MeasuredCrank(machine, self.follow_bandwidth, self.frame_joint, timeout)
         return {MEASURED_JOINT_STATES: crank}
 
     def drawn_angle(self, mechanism: Mechanism) -> float:

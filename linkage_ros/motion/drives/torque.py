@@ -19,7 +19,7 @@ from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.cdr import decode_joint_state
 from linkage_ros.messages.topics import JOINT_COMMANDS, Topic
 from linkage_ros.motion.drives.base import Drive, Machine
-from linkage_ros.motion.inputs import WINDOW, Expiring, Input
+from linkage_ros.motion.inputs import Expiring, Input
 from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.under_torque import Motor, TorqueMotion, TorqueSegment
 from linkage_ros.numeric import within_two_turns
@@ -297,12 +297,11 @@ class TorqueCommands(Input):
         )
         return [words]
 
-    def troubles(self, topic: str) -> list[str]:  # noqa: ARG002, the signature of all
-        """Returns a warning if no command was active at some tick in the last 10 s."""
-        if not self._held.has_expired:
+    def troubles(self, topic: str) -> list[str]:
+        """Returns a warning if commands stopped, or stop often."""
+        if not self._held.is_lost:
             return []
-        alone = f'the motor alone drove the crank in the last {WINDOW} s'
-        return [f'no command within command_timeout: {alone}']
+        return [f'no command on {topic} within command_timeout: the motor alone drives the crank']
 
     def diagnostics(self) -> dict[str, str]:
         """Returns the active torque and the counts of commands, for diagnostics."""
