@@ -136,8 +136,8 @@ def _described(
 class Stop:
     """A request to end the program, set by a signal, for which the main thread waits.
 
-    The signals are SIGINT, SIGTERM and, unless it is ignored (as under nohup), SIGHUP. Python
-    handles signals in the main thread, and promptly only if that thread runs or waits in Python.
+    The signals are SIGINT, SIGTERM, SIGQUIT and, unless it is ignored (as under nohup), SIGHUP.
+    Python handles signals in the main thread, and promptly only if it runs or waits in Python.
     Therefore, other threads do the work, or the main thread calls `wait` between its steps.
 
     The main thread polls, because a threading.Event would deadlock if a signal arrived at the
@@ -154,7 +154,8 @@ class Stop:
         self._set_at = math.inf  # monotonic time of the request, s
         self._is_repeated, self.signal = False, ''
         is_kept = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
-        self._signals = [signal.SIGINT, signal.SIGTERM, *([] if is_kept else [signal.SIGHUP])]
+        self._signals = [signal.SIGINT, signal.SIGTERM, signal.SIGQUIT]
+        self._signals += [] if is_kept else [signal.SIGHUP]
         for number in self._signals:
             signal.signal(number, self._request)
             # Python restores its own handlers at exit, and a second Ctrl-C would kill the process.

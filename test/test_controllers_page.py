@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the examples of ways 1 and 2 in docs/controllers.md; test_docs.py runs those of way 3."""
 
+import itertools
 import re
 import shlex
 import subprocess
@@ -26,6 +27,8 @@ PAGE = read('docs/controllers.md')
 STATES, PLANT_STATES, COMMANDS = '/joint_states', '/plant/joint_states', '/joint_commands'
 # The plant, and the plant next to ros2_control.
 PLANT, BESIDE = map(shlex.split, re.findall(r'`linkage_node (--ros-args [^`]+)`', PAGE))
+# The node that sends its torque to a controller.
+(TORQUE,) = map(shlex.split, re.findall(r'\n    linkage_node (--ros-args [^\n]+)', PAGE))
 
 
 def test_way_1_the_subscriber_turns_the_crank():
@@ -63,11 +66,22 @@ def test_way_1_the_subscriber_turns_the_crank():
 
 
 def test_way_2_the_parameters_send_the_torque_to_the_controller():
-    path = ROOT / 'docs/examples/ros2_control/torque.yaml'
     topics = {'/effort_controller/commands': 'std_msgs/msg/Float64MultiArray'}
-    with watched(topics, '--ros-args', '--params-file', path) as (listener, node):
+    path = ROOT / 'docs/examples/ros2_control/torque.yaml'
+    renamed = [word for word in TORQUE if ':=' in word]
+    options = [option for name in renamed for option in ('-r', name)]
+    with watched(topics, '--ros-args', '--params-file', path, *options) as (listener, node):
         (received,) = listener.received.values()
-        wait_for(lambda: len(received) > 20)
+        publisher = listener.node.create_publisher(JointState, '/joint_states', 10)
+        times = itertools.count(1)
+
+        def measure():
+            n = next(times)
+            message = JointState(name=['crank'], position=[0.1 * n], velocity=[10.0])
+            message.header.stamp.nanosec = n * 10**7
+            publisher.publish(message)
+
+        wait_for(lambda: measure() or len(received) > 20)
         stop(node)
     values = np.array([np.frombuffer(data[-8:], '<f8') for data in received])
     assert np.all(np.isfinite(values))

@@ -171,6 +171,7 @@ LAW = {
 ENDS = {
     'SIGINT': (signal.SIGINT, 0, EFFORTS),
     'SIGTERM': (signal.SIGTERM, 0, EFFORTS),
+    'SIGQUIT': (signal.SIGQUIT, 0, EFFORTS),
     'SIGHUP': (signal.SIGHUP, 0, TRAJECTORIES),
     'error': ('raise ZeroDivisionError', 1, EFFORTS),
     'end of the motion': (LAW, 1, EFFORTS),
