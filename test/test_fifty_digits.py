@@ -81,7 +81,10 @@ def test_comparison_detects_an_error_in_any_quantity(field):
 @pytest.mark.parametrize('motion', [(2.0, 1.5), (-150.0, 1e3)])
 def test_states_points_and_forces_are_right_around_two_turns(name, motion):
     solver, angles = Solver(ALL[name]), np.linspace(-6.0, 6.5, 5).tolist()
-    assert max(worst_errors(solver, angles, *motion, period=4)) < 1e-13
+    # Near a dead centre, the pin of a driven slider is the sum of crank and coupler, which have
+    # 1e4 times the accelerations of what it carries.
+    allowed = 1e-12 if name == 'guide_on_driven_slider' else 1e-13
+    assert max(worst_errors(solver, angles, *motion, period=4)) < allowed
     assert max(force_errors(solver, angles, *motion)) < 1e-12
 
 

@@ -625,7 +625,8 @@ class Conversion:
         return (
             f'{what}: it is in no loop of four links, or of three and a slide, that returns to '
             f'the frame at another pin, so that its motion does not follow link by link; '
-            f'drive another link, or compare the pins of {listed(self.bodies)}; {self.freedom()}'
+            f'compare drawing.frame and the pins of {listed(self.bodies)}, or drive another '
+            f'link; {self.freedom()}'
         )
 
     def pinned_to(self, driven: _Body) -> list[tuple[str, _Body]]:

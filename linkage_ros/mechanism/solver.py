@@ -130,8 +130,8 @@ class Solver:
             MechanismError: The argument is not a mechanism.
             ConfigurationError: A load does not fit the mechanism.
         """
-        if not isinstance(mechanism, Mechanism):
-            inner = getattr(mechanism, 'mechanism', mechanism)
+        inner = getattr(mechanism, 'mechanism', None)
+        if inner is not None:
             mechanism = inner() if callable(inner) else inner
         if not isinstance(mechanism, Mechanism):
             raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')

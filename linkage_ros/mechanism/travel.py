@@ -41,12 +41,14 @@ class Travel(NamedTuple):
     at: tuple[float, ...]
     transmission: tuple[float, float] | None
     time_ratio: float | None
+    is_drawn: bool = False
 
     def words(self) -> list[str]:
         """Describes stroke or swing, transmission angle and time ratio; angles in degrees."""
         words = [f'{self.output} turns fully']
         if self.extremes is not None:
             name, unit = ('stroke', 'm') if self.slides else ('swing', 'deg')
+            name = f'{name} of {self.output}' if self.is_drawn else name
             low, high = self.extremes if self.slides else map(math.degrees, self.extremes)
             words = [f'{name} {high - low:.6g} {unit} ({low:.6g} to {high:.6g} {unit})']
         if self.transmission:
@@ -91,7 +93,10 @@ def travel(solver: Solver) -> Travel:
         way = at[1] - at[0]
         ratio = max(way, period - way) / min(way, period - way)
     reversals = tuple(sorted(angle % period for angle in at))
-    return Travel(solver.output, output.slides, extremes, reversals, reach.transmission, ratio)
+    is_drawn = solver.mechanism.drawn is not None
+    return Travel(
+        solver.output, output.slides, extremes, reversals, reach.transmission, ratio, is_drawn
+    )
 
 
 def extremes_between(solver: Solver, low: float, high: float) -> tuple[float, float]:

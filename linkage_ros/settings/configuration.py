@@ -199,9 +199,12 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str], r
     reason = reason or (f'only {" or ".join(having)} has {sought}' if having else '')
     if name == 'rate_hz':
         reason = 'measurements set the rate'
+    every = [leaf.name for leaf in parameter_leaves(kind)]  # also of groups that are not given
+    if kind.mechanism == 'drawing' and any(x.startswith(f'drawing.{block}') for x in every):
+        return f'{shown(name)} is not a parameter of {owner}: indent {block} below drawing'
     if reason:
         return f'{shown(name)} is not a parameter of {owner}: {reason}; leave it out'
-    return unknown_name(name, owner, valid, 'linkage_record --help')
+    return unknown_name(name, owner, [*valid, *every], 'linkage_record --help')
 
 
 def _with_article(name: str) -> str:
