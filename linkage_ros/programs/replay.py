@@ -228,12 +228,14 @@ def _replay(
 ) -> int:
     """Replays a log; returns the number of messages."""
     excerpt = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
-    pace, sinks = Pace(excerpt.start, options.rate), list[Sink]()
+    pace = Pace(excerpt.start, options.rate)
+    publishers, viewers = list[Sink](), list[Sink]()
     with ExitStack() as stack:
         if options.viewer:  # opened first, because its errors occur immediately
-            sinks += [stack.enter_context(
-                showing(log, options.viewer, stop, loop=options.loop, browser=not options.no_open)
-            )]  # fmt: skip
+            viewer = showing(
+                log, options.viewer, stop, loop=options.loop, browser=not options.no_open
+            )
+            viewers.append(stack.enter_context(viewer))
         if not options.no_ros:
             from linkage_ros.node.republish import republishing
 
@@ -242,7 +244,7 @@ def _replay(
             )
             with cli.waiting('waiting for subscribers'):
                 publish = stack.enter_context(publishing)
-            sinks.insert(0, lambda item: publish(item.message))  # each message before it is shown
+            publishers.append(lambda item: publish(item.message))
         keyboard = stack.enter_context(Keyboard())
         freeze_heap()
         wake_on_time()
@@ -253,6 +255,7 @@ def _replay(
             print('paused: press the space bar to start', flush=True)
         items = stack.enter_context(feed(log, excerpt, loop=options.loop))
         show = stack.enter_context(_status(log, excerpt, pace))
+        sinks = [*publishers, *viewers]  # a message is published before it is shown
         return play(items, sinks, pace, keyboard, stop, show, paused=options.start_paused)
 
 

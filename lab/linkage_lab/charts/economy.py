@@ -114,16 +114,8 @@ def economy(options: argparse.Namespace) -> None:
         MechanismError: The crank angle does not determine the motion, or no torque is needed.
     """
     configuration, name = load(options.params), Path(options.params).stem
-    given = options.rpm or []
-    # The summary is for this speed.
-    own = getattr(configuration.drive, 'rpm', given[0] if given else 0.0)
-    rpms = sorted({own, *(given or (own * factor for factor in _FACTORS))})
     measured = Economy(configuration.mechanism, name)
-    if 0.0 in rpms:
-        raise ConfigurationError(
-            f'{options.params} at 0 rpm: the torque is compared over a turn of the crank, which '
-            'needs a speed; choose speeds, such as --rpm 30 60'
-        )
+    own, rpms = _speeds(options.params, configuration.drive, options.rpm or [])
     records = options.out / f'{name}_economy.json'
     drawn = pictures(options, f'{name}_economy', options.params)
     with folder(options.out):
@@ -133,6 +125,27 @@ def economy(options: argparse.Namespace) -> None:
         colors = colors_of(configuration.mechanism.parts())
         _draw(savings, [*measured.terms], colors, sentence, own, options.tolerance, drawn)
     print(*doubts(configuration), f'{name}: {sentence}', records, *drawn.paths, sep='\n')
+
+
+def _speeds(source: str, drive: Any, given: Sequence[float]) -> tuple[float, list[float]]:
+    """Returns the speed of the summary, and all speeds in order, rpm.
+
+    Args:
+        source: The parameter file.
+        drive: Its drive; the summary is for its speed or, if it has none, the first given one.
+        given: Given speeds, rpm; if there are none, the speeds are multiples of the drive's.
+
+    Raises:
+        ConfigurationError: A speed is 0, or there is none.
+    """
+    own = getattr(drive, 'rpm', given[0] if given else 0.0)
+    rpms = sorted({own, *(given or [own * factor for factor in _FACTORS])})
+    if 0.0 in rpms:
+        raise ConfigurationError(
+            f'{source} at 0 rpm: the torque is compared over a turn of the crank, which needs a '
+            'speed; choose speeds, such as --rpm 30 60'
+        )
+    return own, rpms
 
 
 class Economy:
