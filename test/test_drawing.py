@@ -5,6 +5,7 @@
 import cmath
 import math
 import random
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -169,6 +170,58 @@ def test_a_drawing_that_is_no_loop_with_dyads_is_refused_with_its_links(seed):
     changes, words = unsolvable(sound, rng)
     with pytest.raises(ConfigurationError, match=words):
         replace(sound, **changes).mechanism()
+
+
+# Two chains of six links with one degree of freedom: the joints of each link.
+CHAINS = {
+    'watt': {'t': 'abc', 'v': 'ade', 'k': 'bx', 'l': 'xd', 'm': 'cz', 'p': 'ze'},
+    'stephenson': {'t': 'abc', 'v': 'def', 'k': 'ad', 'l': 'be', 'm': 'cx', 'p': 'xf'},
+}
+PLACES = {
+    'a': (0.1, 0.2), 'b': (1.3, -0.4), 'c': (-0.8, 1.1), 'd': (0.9, 1.9), 'e': (-1.2, 2.6),
+    'f': (2.2, 2.4), 'x': (2.5, 0.7), 'z': (-2.3, 1.6),
+}  # fmt: skip
+
+
+def left_over(chain, ground, driven):
+    """Returns the links that are not solved pair after pair, by an independent search."""
+    known = {*chain[ground], *chain[driven]}
+    waiting = {name: {*pins} for name, pins in chain.items() if name not in {ground, driven}}
+    while True:
+        pair = next(
+            ((x, y) for x in waiting for y in waiting if x < y and waiting[x] & known
+             and waiting[y] & known and waiting[x] & waiting[y] - known), None
+        )  # fmt: skip
+        if pair is None:
+            return {*waiting}
+        for name in pair:
+            known |= waiting.pop(name)
+
+
+@pytest.mark.parametrize(
+    ('chain', 'ground', 'driven'),
+    [(kind, x, y) for kind, chain in CHAINS.items() for x in chain for y in chain
+     if x != y and {*chain[x]} & {*chain[y]}],
+)  # fmt: skip
+def test_every_inversion_of_six_links_is_converted_or_refused_with_its_group(
+    chain, ground, driven
+):
+    links = CHAINS[chain]
+    pins = {pin: PLACES[pin] for pin in {*''.join(links.values())}}
+    made = [DrawnLink(name, [*own]) for name, own in links.items() if name != ground]
+    drawing = Drawing(input=driven, frame=[*links[ground]], pins=pins, links=made)
+    left = left_over(links, ground, driven)
+    if left:
+        with pytest.raises(ConfigurationError) as error:
+            drawing.mechanism()
+        assert all(re.search(rf'\b{name}\b', str(error.value)) for name in left)
+        return
+    solver = Solver(drawing)
+    state = solver.state(solver.mechanism.drawn.position)
+    origin = np.array(PLACES[solver.structure.pins[0].name])
+    for pin in pins:
+        found = solver.point(state, pin).position
+        assert np.allclose(found, PLACES[pin] - origin, rtol=0, atol=1e-14)
 
 
 # ---------------------------------------------------------------- one machine
