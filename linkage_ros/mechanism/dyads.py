@@ -197,8 +197,8 @@ class Dyad(Checked):
     @property
     def parts(self) -> dict[str, Any]:
         """The parts of the two links, by the name of the link."""
-        names = self.names or tuple(f'{self.name}_{word}' for word in self._parts)
-        return dict(zip(names, self._parts.values(), strict=False))
+        names = self.names[:2] or tuple(f'{self.name}_{word}' for word in self._parts)
+        return dict(zip(names, self._parts.values(), strict=True))
 
     @property
     def pins(self) -> tuple[str, ...]:
@@ -550,6 +550,7 @@ def _derivatives(
     count, still = len(links[0].jacobian), Vector(ZERO, ZERO)
     place, slopes = point.fixed, [still] * count
     changes = [still] * (count * (count + 1) // 2)
+    # The weights of later links, which the point does not depend on, are 0.
     for weight, link in zip(point.weights, links, strict=False):
         if weight.x is ZERO and weight.y is ZERO:
             continue
