@@ -302,6 +302,14 @@ def test_places_of_loads_and_points_are_as_drawn():
     assert solver.point(states[1], 'tip') == solver.point(states[1], 'P')
 
 
+def test_a_drawing_runs_the_programs_of_the_same_machine_by_lengths():
+    four_bar = {'links': without(LINKS, 'conrod'), 'pins': without(PINS, 'S', 'G', 'P')}
+    four_bar['links']['coupler'] = {**LINKS['coupler'], 'pins': ['A', 'B']}
+    drawn = configure(values(**four_bar, slides={}, cylinders={}, frame=['O', 'Q'])).mechanism
+    assert drawn.drawn
+    assert Solver(drawn).source == Solver(replace(drawn, drawn=None)).source
+
+
 def test_a_solver_takes_a_drawing_and_what_load_returns():
     configuration = configure(values())
     drawing = configuration.given.drawing
