@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 from linkage_lab.robots.loops import Loops
 from linkage_lab.robots.model import listed
 from linkage_lab.robots.plane import FRAME, JointMap, Plane, Pose, Step
-from linkage_ros import ConfigurationError, Mechanism, Solver
-from linkage_ros.extensions import MECHANISMS
+from linkage_ros import ConfigurationError, Mechanism
+from linkage_ros.extensions import MECHANISMS, Constants
 from linkage_ros.formulas import Array
 from linkage_ros.internals import axes_of, spin_of, wrap
 from linkage_ros.quantities import build
@@ -297,8 +297,8 @@ def _places(mechanism: Mechanism, position: float) -> list[float]:
     Raises:
         UnreachableError: The mechanism does not close there.
     """
-    state = Solver(mechanism, traced=False).state(position)
-    return [float(place) for place in state.position]
+    pose = Constants(mechanism.chain()).tree.pose((position,))
+    return [float(link.position) for link in pose.links]
 
 
 def point_of(mechanism: Mechanism, name: str) -> str:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 from linkage_lab.robots.artist import Artist, Drawn, point_of, position_of, tidy, to_digits
 from linkage_lab.robots.loops import Request, find_loops
@@ -37,6 +37,8 @@ _ALIKE = 1e-9  # rad, difference between two assemblies that cannot be told apar
 _ONE = 1e-6  # rad or m, largest difference of assemblies that meet
 _TRIALS = 12  # values of the driven joint, at which the loops may close if they do not as given
 _ENDS = ('A0', 'A'), ('A', 'B'), ('B0', 'B'), ('A0', 'B0')  # of the links of a loop, frame last
+_MOST = 8  # parts of which all assemblies are compared
+_TURNED = 4  # links on which others slide, of which both directions are tried
 _AWAY = 0.05  # rad, or of the longest link: where a drawn linkage is compared with the robot
 
 
@@ -165,7 +167,9 @@ class _Poser:
         There may be one for each side to which links reach that slide on others.
         """
         own = {step.far: step.joint for step in self.plane.steps if step.side}
-        joints = dict.fromkeys(own[step.near] for step in self.artist.slides if step.near in own)
+        joints = [*dict.fromkeys(own[x.near] for x in self.artist.slides if x.near in own)][
+            :_TURNED
+        ]
         for some in itertools.product((0.0, math.pi), repeat=len(joints)):
             turned = {
                 joint: self.values.get(joint, 0.0) + move
@@ -337,12 +341,23 @@ class _Poser:
 
 
 def _assemblies(mechanism: Mechanism) -> Iterator[Mechanism]:
-    """Yields a mechanism in each of its assemblies."""
+    """Yields a mechanism in each of its assemblies; of many dyads, with one changed at most."""
+    parts: tuple[Any, ...] = (mechanism, *mechanism.dyads)
     sides = list[list[Any]]()
-    for part in (mechanism, *mechanism.dyads):
-        sides.append([])
-        for side in (OPEN, CROSSED):
-            with suppress(ConfigurationError):  # some have one assembly
-                sides[-1].append(replace(cast('Any', part), assembly=side))
-    for base, *dyads in itertools.product(*sides):
+    for part in parts:
+        sides.append([part])
+        with suppress(ConfigurationError):  # some have one assembly
+            other = CROSSED if part.assembly == OPEN else OPEN
+            sides[-1].append(replace(part, assembly=other))
+    for chosen in itertools.product(*sides) if len(parts) <= _MOST else _changed_once(sides):
+        base, *dyads = chosen
         yield replace(base, dyads=tuple(dyads))
+
+
+def _changed_once(sides: list[list[Any]]) -> Iterator[list[Any]]:
+    """Yields the first of each list, and then all with one replaced by the second."""
+    first = [side[0] for side in sides]
+    yield first
+    for i, side in enumerate(sides):
+        for other in side[1:]:
+            yield [*first[:i], other, *first[i + 1 :]]
