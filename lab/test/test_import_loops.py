@@ -303,7 +303,7 @@ def test_a_loop_that_another_drives_may_be_left_out(run):
 
 def test_loops_of_two_motors_are_refused(run):
     five = 'rod_1_tip', 'shank_lug'  # with the thigh: a five-bar
-    assert_refused(*run('--crank', 'knee motor', '--close', *five), 'have 2 .* a file for each')
+    assert_refused(*run('--crank', 'knee motor', '--close', *five), 'have 2 .* cannot be imported')
     assert_refused(
         *run('--crank', 'knee motor', '--close', *FIRST, '--close', 'rod_2_tip', 'root'),
         'of rod_2_joint: it shares no joint .* write two files',

@@ -141,7 +141,9 @@ class Artist:
         if free == 1:
             return
         cure = 'write a file for each motor, with --close for the loops that it alone moves'
-        if free < 1:
+        if len(self.loops.closures) == 1:
+            cure = 'such a loop cannot be imported'
+        elif free < 1:
             pairs = dict.fromkeys(' '.join(x.links) for x in self.loops.closures)
             cure = f'choose loops with --close, of {listed(pairs, "; ")}'
         raise ConfigurationError(
