@@ -24,6 +24,7 @@ from linkage_ros.mechanism.drawing import (
 )
 from linkage_ros.mechanism.points import TracedPoint
 from linkage_ros.settings.configuration import configure, from_strings, to_strings
+from linkage_ros.settings.notes import notes
 
 STRUCTURES = 40  # 2000 were run by hand, and 200 of those that cannot be solved
 
@@ -308,6 +309,21 @@ def test_a_drawing_runs_the_programs_of_the_same_machine_by_lengths():
     drawn = configure(values(**four_bar, slides={}, cylinders={}, frame=['O', 'Q'])).mechanism
     assert drawn.drawn
     assert Solver(drawn).source == Solver(replace(drawn, drawn=None)).source
+
+
+def test_a_link_that_stands_still_is_noted():
+    # The second bar of the jaw's toggle hangs on the fixed pin instead of on the first.
+    locked = {**LINKS, 'toggle': {'pins': ['R', 'J']}, 'jaw': {'pins': ['J', 'K']}}
+    pins = {**PINS, 'R': (20.0, -90.0), 'J': (60.0, -120.0), 'K': (110.0, -80.0)}
+    given = values(links=LINKS)
+    assert not [line for line in notes(configure(given)) if 'without motion' in line]
+    given = values(links={**locked, 'block': {'pins': ['A', 'R']}}, pins=pins,
+                   frame=['O', 'Q', 'G', 'K', 'R'])  # fmt: skip
+    with pytest.raises(ConfigurationError):
+        configure(given)
+    given = values(links=locked, pins=pins, frame=['O', 'Q', 'G', 'K', 'R'])
+    found = [line for line in notes(configure(given)) if 'without motion' in line]
+    assert [line.partition(':')[0] for line in found] == ['jaw, toggle']
 
 
 def test_a_solver_takes_a_drawing_and_what_load_returns():

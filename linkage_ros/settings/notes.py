@@ -5,10 +5,15 @@
 import math
 import re
 from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 
+from linkage_ros.errors import UnreachableError
 from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.joints import own_joints
 from linkage_ros.motion.drives.law import LawDrive, Prescribed
 from linkage_ros.quantities import leaves
@@ -24,6 +29,8 @@ _POINTS = 20  # the fewest points of a law whose rounding is judged
 # Accelerations at all points, relative to those at every second and fourth point, rms. Rounding
 # errors give up to 4 and 16, a sine with six points per period gives 1.3 and 5.3.
 _ROUGH = {2: 2.5, 4: 6.0}
+_NEAR = 1e-3  # rad or m from the drawn position
+_STILL = 1e-12  # rad or m per rad or m of the input; a slower link stands still
 _NEGLIGIBLE = 1e-3  # change of speed from point to point, relative to the speed, rms
 
 
@@ -39,10 +46,30 @@ def notes(configuration: Configuration) -> list[str]:
         *_places(configuration),
         *_masses(configuration),
         *_near_change_point(configuration),
+        *_standing(configuration),
         *_rate(configuration),
         *_rounding(configuration),
         *_nothing(configuration),
     ]
+
+
+def _standing(configuration: Configuration) -> Iterator[str]:
+    """Notes links of a drawing that do not move: a pin was probably given to another link."""
+    mechanism = configuration.mechanism
+    if mechanism.drawn is None:
+        return
+    solver = Solver(replace(cast('Any', mechanism), loads=()))
+    start = mechanism.drawn.position
+    fastest = np.zeros(len(solver.links))
+    for place in (start, start + _NEAR, start - _NEAR):  # a dead centre is at one place alone
+        with suppress(UnreachableError):
+            fastest = np.maximum(fastest, np.abs(solver.state(place, 1.0).velocity))
+    still = [x for x, rate in zip(solver.links, fastest, strict=True) if rate < _STILL]
+    if still:
+        yield (
+            f'{", ".join(still)}: without motion, whatever {solver.structure.driven_link.name} '
+            'does; compare the pins of these links and of their neighbours'
+        )
 
 
 def _zero(configuration: Configuration) -> Iterator[str]:
