@@ -63,8 +63,15 @@ def _standing(configuration: Configuration) -> Iterator[str]:
     fastest = np.zeros(len(solver.links))
     for place in (start, start + _NEAR, start - _NEAR):  # a dead centre is at one place alone
         with suppress(UnreachableError):
-            fastest = np.maximum(fastest, np.abs(solver.state(place, 1.0).velocity))
-    still = [x for x, rate in zip(solver.links, fastest, strict=True) if rate < _STILL]
+            state = solver.state(place, 1.0)
+            speeds = np.abs(state.velocity)
+            for pin in solver.structure.pins:
+                speed = math.hypot(*solver.point(state, pin.name).velocity)
+                for j in (pin.first, pin.second):
+                    if j is not None:
+                        speeds[j] = max(speeds[j], speed)
+            fastest = np.maximum(fastest, speeds)
+    still = [x for x, speed in zip(solver.links, fastest, strict=True) if speed < _STILL]
     if still:
         yield (
             f'{", ".join(still)}: without motion, whatever {solver.structure.driven_link.name} '
