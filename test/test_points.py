@@ -127,11 +127,12 @@ def mirrored(mechanism):
 
     def flipped(part):
         changed = {
-            name: (x, -y) for name in ('center', 'at') for x, y in [getattr(part, name, (0, 0))]
-            if hasattr(part, name)
+            name: (x, -y) for name in ('center', 'at')
+            for x, y in [getattr(part, name, None) or (0, 0)]
+            if getattr(part, name, None) is not None
         }  # fmt: skip
         changed |= {name: -getattr(part, name) for name in ('angle', 'offset')
-                    if hasattr(part, name)}  # fmt: skip
+                    if getattr(part, name, None) is not None}  # fmt: skip
         return replace(part, **changed)
 
     def other(assembly):
@@ -146,7 +147,8 @@ def mirrored(mechanism):
             dyad, **{name: flipped(part) for name, part in vars(dyad).items()
                      if name in DYAD_PARTS and part},
             from_at=(dyad.from_at[0], -dyad.from_at[1]),
-            to_at=dyad.to_at and (dyad.to_at[0], -dyad.to_at[1]), offset=-dyad.offset,
+            to_at=dyad.to_at and (dyad.to_at[0], -dyad.to_at[1]),
+            offset=dyad.offset and -dyad.offset,
             # A slider stays on the + side of its link; a barrel has only one assembly.
             assembly=other(dyad.assembly) if dyad.second else dyad.assembly,
         )

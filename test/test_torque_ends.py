@@ -126,6 +126,8 @@ class Plant:
 
         def is_held():
             self.effort()
+            if not self.commands:
+                return False
             torque = effort_in(self._topic, self.commands[-1])
             due = min(max(torque, -LIMIT), LIMIT)
             last = [CODEC.decode(data)[1][6] for data in self._states[-50:]]

@@ -89,7 +89,7 @@ def _flipped(part):
     }  # fmt: skip
     if isinstance(part, (Frame, Guide, DyadSlider)):
         values['angle'] = -part.angle
-    if hasattr(part, 'offset'):
+    if getattr(part, 'offset', None) is not None:
         values['offset'] = -part.offset
     return replace(part, **values)
 

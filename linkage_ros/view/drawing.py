@@ -466,10 +466,14 @@ def _names_of_places(structure: Structure, positions: Array) -> dict[Point, str]
     weights, fixed = np.array([x.weights for x in points]), np.array([x.fixed for x in points])
     paths = placed(structure.links, weights, fixed, positions)
     near = _SAME_PLACE * abs(paths).max()
-    return {
-        point: names[int((abs(paths.T - path).max(axis=1) <= near).argmax())]
-        for point, path in zip(points, paths.T, strict=True)
-    }
+    moves = np.array(
+        [any(x.weights) for x in points]
+    )  # a pin of a moving link is none of the frame's, even at rest
+    found = {}
+    for point, path, is_moving in zip(points, paths.T, moves, strict=True):
+        is_same = (abs(paths.T - path).max(axis=1) <= near) & (moves == is_moving)
+        found[point] = names[int(is_same.argmax())]
+    return found
 
 
 def _pins_of_the_loop(structure: Structure) -> list[str]:
