@@ -26,7 +26,7 @@ from linkage_ros.mechanism.points import TracedPoint
 from linkage_ros.settings.configuration import configure, from_strings, to_strings
 from linkage_ros.settings.notes import notes
 
-STRUCTURES = 40  # 2000 were run by hand, and 200 of those that cannot be solved
+STRUCTURES = 40  # 540 were run by hand
 
 
 def place_of(solver, q, point):
