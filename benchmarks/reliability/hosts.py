@@ -40,7 +40,7 @@ from linkage_ros.log.verify import verify
 from linkage_ros.messages.cdr import stamp_of
 
 RATE, SETTLED, PATIENCE = 200.0, 2.0, 40.0
-TIMED_OUT = b'no command within command_timeout'
+TIMED_OUT = b'within command_timeout'
 
 
 def heard(listener: Process) -> int:
