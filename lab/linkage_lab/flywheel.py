@@ -239,7 +239,7 @@ def _start_energy(
     Args:
         crank: Crank angles in the direction of motion, rad.
         offset: Kinetic energy at these angles for an energy of 0 at the start, J.
-        gain: Its increase per increase of the energy at the start.
+        gain: Derivative of the kinetic energy at these angles with respect to that at the start.
         inertia: Inertia at these angles, including a flywheel, kg m^2.
         mean_speed: Mean speed over time, with the sign of the rotation, rad/s.
 

@@ -132,8 +132,7 @@ class Mechanism(_FromDrawing):
         """Returns a text about crank, coupler and so on with the names of the drawing, if any."""
         if self.drawn is None:
             return text
-        roles = (link.name for link in self.loop_structure().links)
-        names = dict(zip(roles, self.drawn.links, strict=True))
+        names = {role: name for name, role in self._roles().items()}
         return re.sub(r'(?:\bthe )?(?<![\w-])(\w+)(?![\w-])',
                       lambda found: names.get(found[1], found[0]), text)  # fmt: skip
 
@@ -158,18 +157,20 @@ class Mechanism(_FromDrawing):
         loop, drawn = self.loop_structure(), self.drawn
         return loop.renamed(drawn.links, dict(drawn.points)) if drawn else loop
 
+    def _roles(self) -> dict[str, str]:
+        """Returns the names of the loop's links in this class, by their own names."""
+        own = self.drawn.links if self.drawn else None
+        roles = [link.name for link in self.loop_structure().links]
+        return dict(zip(own or roles, roles, strict=True))
+
     def parts(self) -> dict[str, Any]:
         """Returns the part of each link, with its mass and dimensions, by the link's name."""
-        roles = (link.name for link in self.loop_structure().links)
-        names = (link.name for link in self._named_loop.links)
-        found = {name: getattr(self, role) for name, role in zip(names, roles, strict=True)}
+        found = {name: getattr(self, role) for name, role in self._roles().items()}
         return found | {name: part for dyad in self.dyads for name, part in dyad.parts.items()}
 
     def part_groups(self) -> dict[str, str]:
         """Returns the start of the names of each part's parameters, by the link's name."""
-        names = (link.name for link in self._named_loop.links)
-        roles = (link.name for link in self.loop_structure().links)
-        found = dict(zip(names, roles, strict=True))
+        found = self._roles()
         for dyad in self.dyads:
             words = (f'dyads.{dyad.name}.{word}' for word in dyad.words)
             found |= dict(zip(dyad.parts, words, strict=True))

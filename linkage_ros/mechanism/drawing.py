@@ -22,9 +22,7 @@ from linkage_ros.mechanism.drawing_conversion import FRAME, Conversion, listed
 from linkage_ros.mechanism.exact import UNITS, Exact
 from linkage_ros.mechanism.loads import loads_field
 from linkage_ros.mechanism.loads.base import AppliedLoad
-from linkage_ros.mechanism.parts import (
-    gravity_quantity,
-)
+from linkage_ros.mechanism.parts import gravity_quantity, inertia_quantity, mass_quantity
 from linkage_ros.mechanism.points import TracedPoint, points_field
 from linkage_ros.quantities import Checked, groups, named, quantity, required, shown
 
@@ -33,17 +31,6 @@ _RESERVED = {FRAME, 'world', 'base_link'}
 # rcl reads these as booleans.
 _BOOLEANS = {'y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false'}
 _PLACES = (-1e12, 1e12)
-_MASSES = (0.0, 1e12)
-
-
-def _mass() -> Any:
-    return quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
-
-
-def _inertia() -> Any:
-    return quantity(
-        'number', 'moment of inertia about the centre of mass', 'kg m^2', span=_MASSES, default=0.0
-    )
 
 
 def _center() -> Any:
@@ -60,8 +47,8 @@ class DrawnMass(Checked):
         center: Centre of mass [x, y] as drawn; None if the mass is 0.
     """
 
-    mass: float = _mass()
-    inertia: float = _inertia()
+    mass: float = mass_quantity()
+    inertia: float = inertia_quantity()
     center: tuple[float, float] | None = _center()
 
 
@@ -81,8 +68,8 @@ class DrawnLink(Checked):
 
     name: str = required()
     pins: tuple[str, ...] = quantity('names', 'pins of the link')
-    mass: float = _mass()
-    inertia: float = _inertia()
+    mass: float = mass_quantity()
+    inertia: float = inertia_quantity()
     center: tuple[float, float] | None = _center()
     length: float | None = quantity(
         'number', 'distance of its two pins, in units, instead of the drawn one',
@@ -116,8 +103,8 @@ class DrawnSlide(Checked):
         'names', 'pins of a block with several; the first is on its line', default=None
     )
     on: str = quantity('text', 'link that has the line, or frame', default=FRAME)
-    mass: float = _mass()
-    inertia: float = _inertia()
+    mass: float = mass_quantity()
+    inertia: float = inertia_quantity()
     center: tuple[float, float] | None = _center()
 
     @property

@@ -29,11 +29,13 @@ def gravity_quantity() -> Any:
     )
 
 
-def _mass() -> Any:
+def mass_quantity() -> Any:
+    """Declares the mass of a body, kg."""
     return quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
 
 
-def _inertia() -> Any:
+def inertia_quantity() -> Any:
+    """Declares the moment of inertia of a body about its centre of mass, kg m^2."""
     return quantity(
         'number', 'moment of inertia about the centre of mass', 'kg m^2', span=_MASSES, default=0.0
     )
@@ -59,8 +61,8 @@ class Body(Checked):
     """
 
     length: float = quantity('number', 'distance between the pins', 'm', span=_LENGTHS)
-    mass: float = _mass()
-    inertia: float = _inertia()
+    mass: float = mass_quantity()
+    inertia: float = inertia_quantity()
     center: tuple[float, float] = _center('the first pin')
 
 
@@ -141,7 +143,7 @@ class Slider(Checked):
         'number', "distance of the pin's path from the crank pivot, to the guide's left", 'm',
         span=_PLACES, default=0.0,
     )  # fmt: skip
-    mass: float = _mass()
+    mass: float = mass_quantity()
 
 
 @dataclass(frozen=True)
@@ -154,8 +156,8 @@ class Barrel(Checked):
         center: Centre of mass [along, across] from the pivot, m.
     """
 
-    mass: float = _mass()
-    inertia: float = _inertia()
+    mass: float = mass_quantity()
+    inertia: float = inertia_quantity()
     center: tuple[float, float] = _center('the pivot')
 
 
@@ -170,8 +172,8 @@ class Rod(Checked):
             between the pivot and the pin is behind the pin, at a negative distance along.
     """
 
-    mass: float = _mass()
-    inertia: float = _inertia()
+    mass: float = mass_quantity()
+    inertia: float = inertia_quantity()
     center: tuple[float, float] = _center("the rod's pin in the barrel's direction")
 
 
@@ -187,4 +189,4 @@ class Piston(Checked):
 
     position: float = quantity('number', 'position at t = 0', 'm', span=_PLACES)
     velocity: float = quantity('number', 'velocity at t = 0', 'm/s', span=(-1e6, 1e6), default=0.0)
-    mass: float = _mass()
+    mass: float = mass_quantity()

@@ -132,7 +132,8 @@ def _speeds(source: str, drive: Any, given: Sequence[float]) -> tuple[float, lis
 
     Args:
         source: The parameter file.
-        drive: Its drive; the summary is for its speed or, if it has none, the first given one.
+        drive: Drive in that file. The summary is for the speed of the drive or, if it has none,
+            for the first given speed.
         given: Given speeds, rpm; if there are none, the speeds are multiples of the drive's.
 
     Raises:

@@ -390,7 +390,7 @@ class _Label(NamedTuple):
         text: The name.
         at: What it belongs to, x + iy, m.
         way: Preferred direction from there.
-        color: Its colour.
+        color: Colour of the text.
         bold: Whether it is that of a link.
     """
 
@@ -494,7 +494,7 @@ def _dimensions(sketched: Sketched, drawing: Drawing, shown: dict[str, Array]) -
             continue
         (line,) = shown[link]
         corners = (line @ (1, 1j)).tolist()
-        # The mouth of a barrel is no pin.
+        # A barrel ends at its mouth, where there is no pin.
         is_barrel = ends[1] not in structure.points or ends[1] == structure.mouth
         done = set[tuple[complex, complex]]()
         for start, end in itertools.pairwise(corners):

@@ -23,7 +23,7 @@ class Value(NamedTuple):
     """A quantity at one position.
 
     Attributes:
-        unit: Its SI unit.
+        unit: SI unit of the value.
         value: The value.
     """
 
@@ -37,7 +37,8 @@ class Snapshot(NamedTuple):
     Attributes:
         assembly: Names of the assemblies of the loop and of each dyad.
         values: Quantities by name, such as 'coupler.position'.
-        missing: Why there are no forces, by 'driving' and 'joint'; empty if there are.
+        missing: Reason why the driving force ('driving') or the joint forces ('joint') could not
+            be computed; empty if all could.
     """
 
     assembly: str
@@ -106,8 +107,9 @@ def snapshots(
     Args:
         design: The configuration.
         place: Position of the driven joint, rad or m.
-        speed: Its rate, rad/s or m/s.
-        acceleration: Its acceleration, rad/s^2 or m/s^2; that of a wind pump is computed.
+        speed: Speed of the driven joint, rad/s or m/s.
+        acceleration: Acceleration of the driven joint, rad/s^2 or m/s^2. It is ignored for a wind
+            pump, whose acceleration is computed.
 
     Returns:
         At most 16 snapshots, the first that of the configuration if it exists; and notes.
@@ -168,7 +170,7 @@ def _snapshot(
     """Computes one assembly.
 
     Args:
-        words: Its name.
+        words: Name of the assembly.
         mechanism: The mechanism in this assembly.
         drive: The drive, whose motor accelerates a wind pump.
         given: Position, rate and acceleration of the driven joint.

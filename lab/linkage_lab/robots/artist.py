@@ -32,7 +32,7 @@ class Pin(NamedTuple):
     Attributes:
         name: Name in the drawing.
         joint: Name of its joint or closure in the robot.
-        places: Its place in the coordinates of each body, m.
+        places: Position of the pin in the coordinates of each body, m.
     """
 
     name: str
@@ -44,8 +44,8 @@ class Drawn(NamedTuple):
     """A drawing at closed joint values.
 
     Attributes:
-        values: Its parameters by dotted name.
-        mechanism: What it shows.
+        values: Parameters of the drawing by dotted name.
+        mechanism: The mechanism that the drawing shows.
         joints: The robot's joint of each link.
         closed: The joint values.
         blocks: The sliding joint of each block.

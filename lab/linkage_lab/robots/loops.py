@@ -29,7 +29,7 @@ _Loop = tuple[Closure, list[Edge]]
 
 
 class Request(NamedTuple):
-    """What to import from a robot.
+    """The request to import part of a robot.
 
     Attributes:
         crank: Name of the driven joint.
@@ -72,7 +72,7 @@ class Loops(NamedTuple):
 
     Attributes:
         robot: The robot.
-        tree: Its bodies.
+        tree: The bodies of the robot.
         closures: The closures of the loops.
         joints: The joints of the loops, each after those that lead to it from the frame.
         frame: Number of the fixed body.
