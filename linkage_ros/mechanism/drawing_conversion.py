@@ -96,7 +96,8 @@ class Conversion:
     """The conversion of a drawing.
 
     Attributes:
-        at: Place of each pin, from the crank's fixed pin.
+        at: Place of each pin as drawn or, once the loop is chosen, from the origin, m.
+        origin: The crank's fixed pin as drawn, which is base_link's origin, m.
         axes: Axes of each body whose motion is known, in the order of solution.
     """
 
@@ -119,6 +120,7 @@ class Conversion:
                 way = self.at[cylinder.to].minus(self.at[cylinder.from_])
                 self.bodies[barrel] = _Body(barrel, (cylinder.from_,), cylinder.barrel)
                 self.bodies[rod] = _Body(rod, (cylinder.to,), cylinder.rod, barrel, way)
+        self.origin = Exact(Fraction(0), Fraction(0))
         self.axes: dict[str, _Axes] = {}
 
     def mechanism(self, gravity: Any, loads: Sequence[Any], points: Sequence[Any]) -> Mechanism:
@@ -128,8 +130,6 @@ class Conversion:
             ConfigurationError: Links are left that are no dyads.
         """
         base = self.base()
-        origin = self.at[base.pins[0]]
-        self.at = {name: place.minus(origin) for name, place in self.at.items()}
         mechanism = self.loop(base)
         waiting = {name: body for name, body in self.bodies.items() if name not in self.axes}
         dyads = []
@@ -238,11 +238,8 @@ class Conversion:
         """Returns the key by which the loops are sorted, the best first."""
         has_change_point = False
         if base.kind is not InvertedSliderCrank:
-            trial = Conversion(self.drawing)
-            origin = trial.at[base.pins[0]]
-            trial.at = {name: place.minus(origin) for name, place in trial.at.items()}
             try:
-                reach = trial.loop(base).reach()
+                reach = Conversion(self.drawing).loop(base).reach()
             except (ConfigurationError, MechanismError):
                 reach = None
             has_change_point = reach is not None and reach.has_change_point
@@ -257,9 +254,11 @@ class Conversion:
         )
 
     def loop(self, base: _Base) -> Mechanism:
-        """Returns the mechanism of a loop, in the assembly that is drawn."""
+        """Returns the mechanism of a loop, in the assembly that is drawn, from its crank's pin."""
         A0, A, *rest = base.pins
         crank, second, third = base.bodies
+        self.origin = self.at[A0]
+        self.at = {name: place.minus(self.origin) for name, place in self.at.items()}
         names = {'A0': A0, 'A': A}
         self.turn(crank, A0, A)
         if base.kind is FourBar:
@@ -509,13 +508,8 @@ class Conversion:
         """Returns the centre of mass [along, across] of a body, m."""
         if body.part.center is None:
             return 0.0, 0.0
-        place = Exact.of(body.part.center, self.unit).minus(self.origin_of_all())
+        place = Exact.of(body.part.center, self.unit).minus(self.origin)
         return self.in_axes(self.axes[body.name], place)
-
-    def origin_of_all(self) -> Exact:
-        """Returns the place of base_link's origin in the drawing, m."""
-        pin = next(iter(self.at))
-        return Exact.of(self.drawing.pins[pin], self.unit).minus(self.at[pin])
 
     def body(self, body: _Body, kind: Any = Body) -> Any:
         """Returns a link as a part of a mechanism."""
@@ -544,7 +538,7 @@ class Conversion:
             raise ConfigurationError(f'{label} = {shown(body)}: must be one of {names}')
         if at is None:
             raise ConfigurationError(f'{label}: give the place on {body} as drawn, [x, y], or pin')
-        place = Exact.of(at, self.unit).minus(self.origin_of_all())
+        place = Exact.of(at, self.unit).minus(self.origin)
         return place.rounded if body == FRAME else self.in_axes(self.axes[body], place)
 
     def place_of_pin(self, label: str, pin: str, link: str) -> tuple[str, tuple[float, float]]:
