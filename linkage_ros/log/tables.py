@@ -17,6 +17,7 @@ from linkage_ros.errors import LogError
 from linkage_ros.files import is_same_file, replacement
 from linkage_ros.log.bag import Bag, BagTopic
 from linkage_ros.log.reader import LogReader
+from linkage_ros.mechanism.parts import FRAME_NAME
 from linkage_ros.messages.cdr import decode_joint_state, decode_point, decode_trajectory
 from linkage_ros.messages.templates import QUANTITIES
 from linkage_ros.messages.topics import (
@@ -28,7 +29,7 @@ from linkage_ros.messages.topics import (
     POINT_STAMPED,
 )
 from linkage_ros.numeric import Array
-from linkage_ros.settings.joints import FRAME, measured_from
+from linkage_ros.settings.joints import measured_from
 from linkage_ros.units import NS_PER_S
 
 _TYPES = JOINT_STATE.name, JOINT_TRAJECTORY.name, POINT_STAMPED.name
@@ -259,7 +260,7 @@ def _labels(path: Path | str) -> dict[str, str]:
         carrier = measured_from(links, link, configuration.joints.get(link.name))
         for quantity, unit in zip(QUANTITIES, link.units, strict=False):
             name, origin = f'{joint.name}.{quantity}', ''
-            if carrier != FRAME and quantity != 'effort':
+            if carrier != FRAME_NAME and quantity != 'effort':
                 origin = f' relative to {names[carrier] or carrier}'
             labels[name] = f'{name}{origin} [{unit}]'
     return labels

@@ -18,16 +18,21 @@ from typing import Any
 
 from linkage_ros.errors import ConfigurationError, Mistakes
 from linkage_ros.mechanism.base import Mechanism
-from linkage_ros.mechanism.drawing_conversion import FRAME, Conversion, listed
+from linkage_ros.mechanism.drawing_conversion import Conversion, listed
 from linkage_ros.mechanism.exact import UNITS, Exact
 from linkage_ros.mechanism.loads import loads_field
 from linkage_ros.mechanism.loads.base import AppliedLoad
-from linkage_ros.mechanism.parts import gravity_quantity, inertia_quantity, mass_quantity
+from linkage_ros.mechanism.parts import (
+    FRAME_NAME,
+    gravity_quantity,
+    inertia_quantity,
+    mass_quantity,
+)
 from linkage_ros.mechanism.points import TracedPoint, points_field
 from linkage_ros.quantities import Checked, groups, named, quantity, required, shown
 
 _NAME = '[A-Za-z](_?[A-Za-z0-9])*_?'  # without two underscores in succession
-_RESERVED = {FRAME, 'world', 'base_link'}
+_RESERVED = {FRAME_NAME, 'world', 'base_link'}
 # rcl reads these as booleans.
 _BOOLEANS = {'y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false'}
 _PLACES = (-1e12, 1e12)
@@ -102,7 +107,7 @@ class DrawnSlide(Checked):
     pins: tuple[str, ...] | None = quantity(
         'names', 'pins of a block with several; the first is on its line', default=None
     )
-    on: str = quantity('text', 'link that has the line, or frame', default=FRAME)
+    on: str = quantity('text', 'link that has the line, or frame', default=FRAME_NAME)
     mass: float = mass_quantity()
     inertia: float = inertia_quantity()
     center: tuple[float, float] | None = _center()
@@ -320,10 +325,10 @@ def _bad_slides(drawing: Drawing) -> Iterator[str]:
             yield f'{label}: give pin, or pins for several'
         if slide.direction == (0.0, 0.0):
             yield f'{label}.direction = [0, 0]: must be a direction, such as [1.0, 0.0]'
-        if slide.on != FRAME and (slide.on not in bodies or slide.on == slide.name):
+        if slide.on != FRAME_NAME and (slide.on not in bodies or slide.on == slide.name):
             others = [name for name in bodies if name != slide.name]
-            yield f'{label}.on = {shown(slide.on)}: must be one of {listed([FRAME, *others])}'
-        for pin in {*slide.all_pins} & {*drawing.frame} if slide.on == FRAME else ():
+            yield f'{label}.on = {shown(slide.on)}: must be one of {listed([FRAME_NAME, *others])}'
+        for pin in {*slide.all_pins} & {*drawing.frame} if slide.on == FRAME_NAME else ():
             yield f'{label} has the fixed pin {pin}: take {pin} out of drawing.frame'
 
 
@@ -390,7 +395,7 @@ def _bad_centers(drawing: Drawing) -> Iterator[str]:
                 f'{label}.rod': (part.rod, (part.to,)),
             }
         for name, (body, its_pins) in own.items():
-            if isinstance(body, DrawnSlide) and body.on == FRAME:
+            if isinstance(body, DrawnSlide) and body.on == FRAME_NAME:
                 if body.center is not None:
                     yield f'{name}.center: on the frame it is the pin; leave it out'
                 continue

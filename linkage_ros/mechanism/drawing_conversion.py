@@ -20,6 +20,7 @@ from linkage_ros.mechanism.four_bar import FourBar
 from linkage_ros.mechanism.inverted_slider_crank import CYLINDER, InvertedSliderCrank
 from linkage_ros.mechanism.parts import (
     CROSSED,
+    FRAME_NAME,
     OPEN,
     Barrel,
     Body,
@@ -33,7 +34,6 @@ from linkage_ros.mechanism.points import TracedPoint
 from linkage_ros.mechanism.slider_crank import SliderCrank
 from linkage_ros.quantities import shown
 
-FRAME = 'frame'
 # The smallest sine of the angle at which two links meet that still tells their assembly: in the
 # loop, which may be near a change point, and in a dyad.
 _LEAST_SINE, _LEAST_SINE_OF_DYAD = 1e-6, 1e-3
@@ -197,7 +197,7 @@ class Conversion:
         """Yields the loops of a crank and a coupler with a third body, which are pinned at B."""
         for B in coupler.pins:
             for last in self.at_pin(B, crank, coupler) if B != A else ():
-                if last.on == FRAME:
+                if last.on == FRAME_NAME:
                     yield _Base(SliderCrank, (crank, coupler, last), (A0, A, B))
                 elif not last.on:
                     for B0 in self.pivots(last, A0):
@@ -205,7 +205,7 @@ class Conversion:
 
     def driven_slides(self, driven: _Body) -> Iterator[_Base]:
         """Yields the loops of a driven slide or cylinder."""
-        if driven.on == FRAME:
+        if driven.on == FRAME_NAME:
             for B in driven.pins:
                 for coupler in self.at_pin(B, driven):
                     for crank, A0, A in self.cranks(coupler, B, driven):
@@ -469,12 +469,12 @@ class Conversion:
 
     def is_known(self, body: str) -> bool:
         """Returns whether the motion of a body is known."""
-        return body == FRAME or body in self.axes
+        return body == FRAME_NAME or body in self.axes
 
     def carrier(self, pin: str) -> str:
         """Returns the first known body that has a pin, 'frame' if it is fixed, or ''."""
         if pin in self.drawing.frame:
-            return FRAME
+            return FRAME_NAME
         return next((name for name in self.axes if pin in self.bodies[name].pins), '')
 
     def joint(self, pin: str, body: _Body) -> str:
@@ -499,7 +499,7 @@ class Conversion:
 
     def local(self, body: str, pin: str) -> tuple[float, float]:
         """Returns a pin [along, across] on a body, m; on the frame in base_link."""
-        if body == FRAME:
+        if body == FRAME_NAME:
             return self.at[pin].rounded
         axes = self.axes[body]
         return (axes.length, 0.0) if pin == axes.end else self.in_axes(axes, self.at[pin])
@@ -533,13 +533,13 @@ class Conversion:
         Raises:
             ConfigurationError: There is no such body, or no place.
         """
-        if body != FRAME and body not in self.axes:
-            names = listed([*self.axes, FRAME])
+        if body != FRAME_NAME and body not in self.axes:
+            names = listed([*self.axes, FRAME_NAME])
             raise ConfigurationError(f'{label} = {shown(body)}: must be one of {names}')
         if at is None:
             raise ConfigurationError(f'{label}: give the place on {body} as drawn, [x, y], or pin')
         place = Exact.of(at, self.unit).minus(self.origin)
-        return place.rounded if body == FRAME else self.in_axes(self.axes[body], place)
+        return place.rounded if body == FRAME_NAME else self.in_axes(self.axes[body], place)
 
     def place_of_pin(self, label: str, pin: str, link: str) -> tuple[str, tuple[float, float]]:
         """Returns a link, or the carrier of a pin, and the place of the pin on it, m.
@@ -549,7 +549,7 @@ class Conversion:
         """
         owners = [name for name in self.axes if pin in self.bodies[name].pins]
         if pin in self.drawing.frame:
-            owners.insert(0, FRAME)
+            owners.insert(0, FRAME_NAME)
         if not owners or link not in {'', *owners}:
             known = listed(owners) if owners else listed(self.at)
             what = f'link {shown(link)} at the pin {pin}' if owners else f'pin {shown(pin)}'
@@ -574,14 +574,14 @@ class Conversion:
             pins = given[cylinder].from_, given[cylinder].to
             if pins[0] in self.drawing.frame:
                 pins = pins[1], pins[0]
-            load = replace(load, cylinder='', pin=pins[0], to_pin=pins[1], to=FRAME)
+            load = replace(load, cylinder='', pin=pins[0], to_pin=pins[1], to=FRAME_NAME)
         changes: dict[str, Any] = {}
         for link, at, pin in (('link', 'at', 'pin'), ('to', 'to_at', 'to_pin')):
             if not {link, at} <= known:
                 continue
             name, place = getattr(load, link), getattr(load, at)
             if given_pin := getattr(load, pin, ''):
-                own = '' if link == 'to' and name == FRAME else name
+                own = '' if link == 'to' and name == FRAME_NAME else name
                 changes[link], changes[at] = self.place_of_pin(label, given_pin, own)
                 changes[pin] = ''
             elif name:
@@ -600,7 +600,8 @@ class Conversion:
                 f'{what}: it must turn about exactly one fixed pin, and has {pins}; correct '
                 'drawing.frame, or choose another input'
             )
-        if driven.on not in {'', FRAME} and not (fixed or self.pivots(self.bodies[driven.on])):
+        guide = self.bodies.get(driven.on)
+        if guide and not (fixed or self.pivots(guide)):
             return (
                 f'{what}: both of its ends are on moving links; what drives must be held by a '
                 'fixed pin, so add one of its pins to drawing.frame, or choose another input'

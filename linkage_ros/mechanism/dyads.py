@@ -37,7 +37,7 @@ from linkage_ros.errors import ConfigurationError, Mistakes, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cross, dot, require, sqrt, turned
 from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.kinematics import LinkPose, Loop, Pose, bends, directions
-from linkage_ros.mechanism.parts import CROSSED, OPEN, Barrel, Body, Rod
+from linkage_ros.mechanism.parts import CROSSED, FRAME_NAME, OPEN, Barrel, Body, Rod
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import (
     Checked,
@@ -50,7 +50,6 @@ from linkage_ros.quantities import (
 )
 from linkage_ros.units import rad_and_deg
 
-_FRAME = 'frame'
 _AT = (-1e9, 1e9)
 # The parts of each kind of dyad, and its pins.
 _KINDS: dict[tuple[str, ...], tuple[str, ...]] = {
@@ -84,7 +83,7 @@ class DyadSlider(Checked):
     angle: float = quantity(
         'number', 'direction of the guide on its link', 'rad', span=(-1e3, 1e3), default=0.0
     )
-    on: str = quantity('text', 'link with the guide, or frame', default=_FRAME)
+    on: str = quantity('text', 'link with the guide, or frame', default=FRAME_NAME)
     inertia: float = quantity(
         'number', 'moment of inertia about the centre of mass, unless on the frame', 'kg m^2',
         span=(0.0, 1e12), default=None,
@@ -97,7 +96,7 @@ class DyadSlider(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name, zero in {'inertia': 0.0, 'center': (0.0, 0.0)}.items():
-            if self.on != _FRAME and getattr(self, name) is None:
+            if self.on != FRAME_NAME and getattr(self, name) is None:
                 object.__setattr__(self, name, zero)
 
 
@@ -160,7 +159,7 @@ class Dyad(Checked):
                 '(barrel and rod); a part needs at least one value, such as mass: 0.0'
             )
         if self.slider is None and self.to is None:
-            raise ConfigurationError(f'{label}.to is missing: must be a link, or {_FRAME}')
+            raise ConfigurationError(f'{label}.to is missing: must be a link, or {FRAME_NAME}')
         if self.slider is not None and (self.to, self.to_at) != (None, None):
             raise ConfigurationError(
                 f'{label}.to is for a dyad of two links: leave it out; slider.at and '
@@ -177,7 +176,7 @@ class Dyad(Checked):
             )
         slider = self.slider
         turning: list[Any] = [slider.inertia, slider.center] if slider else []
-        if slider and slider.on == _FRAME and any(value is not None for value in turning):
+        if slider and slider.on == FRAME_NAME and any(value is not None for value in turning):
             raise ConfigurationError(
                 f'{label}.slider: inertia and center are for a guide on a moving link: leave them '
                 'out; a slider on the frame does not turn, and its centre of mass is its pin'
@@ -301,7 +300,7 @@ def ordered(dyads: Sequence[Dyad], links: Sequence[str]) -> tuple[Dyad, ...]:
         ConfigurationError: Two dyads have one name, a link is unknown, or dyads carry each other.
     """
     mistakes, waiting = Mistakes(), {dyad.name: dyad for dyad in dyads}
-    valid = [*links, *(link for dyad in dyads for link in dyad.parts), _FRAME]
+    valid = [*links, *(link for dyad in dyads for link in dyad.parts), FRAME_NAME]
     for name in (x for x in waiting if sum(dyad.name == x for dyad in dyads) > 1):
         with mistakes:
             raise ConfigurationError(f'two dyads have the name {shown(name)}: rename one')
@@ -312,7 +311,7 @@ def ordered(dyads: Sequence[Dyad], links: Sequence[str]) -> tuple[Dyad, ...]:
                     f'{what} = {shown(link)}: must be one of {", ".join(valid)}'
                 )
     mistakes.check()
-    known, found = {*links, _FRAME}, list[Dyad]()
+    known, found = {*links, FRAME_NAME}, list[Dyad]()
     while waiting:
         ready = (x for x in sorted(waiting) if known.issuperset(waiting[x].references.values()))
         chosen = next(ready, None)
@@ -333,7 +332,7 @@ def _circle(waiting: dict[str, Dyad], known: set[str]) -> str:
     way = way[way.index(way[-1]) :]
     return (
         f'dyads: {" is carried by ".join(way)}: they form a circle; attach one of them to the '
-        f'loop or to {_FRAME}'
+        f'loop or to {FRAME_NAME}'
     )
 
 

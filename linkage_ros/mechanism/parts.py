@@ -12,6 +12,7 @@ from typing import Any
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.quantities import Checked, quantity
 
+FRAME_NAME = 'frame'  # of the fixed link, in parameters
 OPEN = 'open'
 CROSSED = 'crossed'
 

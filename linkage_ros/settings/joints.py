@@ -9,6 +9,7 @@ from typing import Any
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.axes import axes_of
+from linkage_ros.mechanism.parts import FRAME_NAME
 from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.joints import RobotJoint, own_joints
 from linkage_ros.quantities import (
@@ -22,7 +23,6 @@ from linkage_ros.quantities import (
     shown,
 )
 
-FRAME = 'frame'
 GROUP = 'joints'
 
 
@@ -96,8 +96,8 @@ def measured_from(links: Sequence[Link], link: Link, given: JointSettings | None
         given: The settings of the joint.
     """
     if link.slides:
-        return FRAME
-    of_tree = FRAME if link.parent is None else links[link.parent].name
+        return FRAME_NAME
+    of_tree = FRAME_NAME if link.parent is None else links[link.parent].name
     return (given and given.parent) or of_tree
 
 
@@ -148,7 +148,7 @@ def robot_joints(
         ConfigurationError: A ratio is 0, a parent is not valid, the zero of a sliding link is in
             degrees, or two joints have one name.
     """
-    axes: dict[str, tuple[int | None, float | None]] = {FRAME: (None, None)}
+    axes: dict[str, tuple[int | None, float | None]] = {FRAME_NAME: (None, None)}
     axes |= {link.name: axes_of(links, i) for i, link in enumerate(links)}
     found = list(own_joints(links, joint_prefix))
     found[driven] = found[driven]._replace(is_measured=is_measured)
@@ -156,7 +156,7 @@ def robot_joints(
         given, group = settings.get(link.name, JointSettings()), f'{GROUP}.{link.name}'
         valid = [name for name in axes if name != link.name]
         if i == driven or link.slides:
-            valid = [FRAME if link.parent is None else links[link.parent].name]
+            valid = [FRAME_NAME if link.parent is None else links[link.parent].name]
         _check(given, link, valid)
         if i == driven and given.name == '':
             raise ConfigurationError(
@@ -177,7 +177,8 @@ def robot_joints(
             above = None if above is None else found[above].parent
         if above is not None:
             raise ConfigurationError(
-                f'{GROUP}.{link.name}.parent: the parents form a circle; measure one from {FRAME}'
+                f'{GROUP}.{link.name}.parent: the parents form a circle; '
+                f'measure one from {FRAME_NAME}'
             )
     names = [joint.name for joint in found if joint.name]
     if twice := next((name for name in names if names.count(name) > 1), ''):

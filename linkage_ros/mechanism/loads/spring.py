@@ -11,6 +11,7 @@ from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, dot, require, sqrt
 from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.loads.base import AppliedLoad, LoadedMechanism
+from linkage_ros.mechanism.parts import FRAME_NAME
 from linkage_ros.mechanism.structure import Point, Structure
 from linkage_ros.mechanism.wrenches import Wrench, place, velocity
 from linkage_ros.numeric import Real
@@ -18,7 +19,6 @@ from linkage_ros.quantities import quantity
 from linkage_ros.units import rad_and_deg
 
 _NOT_NEGATIVE = (0.0, 1e12)
-FRAME_NAME = 'frame'
 
 
 @dataclass(frozen=True)
