@@ -30,6 +30,7 @@ from ros_harness import (
     wait_for,
     watched,
 )
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from state_messages import messages_at
 from trajectory_msgs.msg import JointTrajectory
@@ -51,24 +52,23 @@ from linkage_ros.programs.log_commands import info
 from linkage_ros.run.states import Simulator
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import configure, read_values
+from linkage_ros.units import NS_PER_S
 
 PLANT, EFFORTS, TRAJECTORIES = '/plant/joint_states', '/arm/efforts', '/arm/trajectory'
 TYPES = {
     PLANT: 'sensor_msgs/msg/JointState', EFFORTS: 'std_msgs/msg/Float64MultiArray',
     TRAJECTORIES: 'trajectory_msgs/msg/JointTrajectory',
 }  # fmt: skip
-# A node in which something happens instead of the 200th state.
+# A node in which something happens instead of a state, once there is a file.
 ALTERED = """
-import sys, time
+import os, sys, time
 from linkage_ros.executables import node
 from linkage_ros.run.states import Simulator
 
-state, count = Simulator.state, 0
+state = Simulator.state
 
 def altered(*arguments):
-    global count
-    count += 1
-    if count == 200:
+    if os.path.exists({now!r}):
         {action}
     return state(*arguments)
 
@@ -151,6 +151,20 @@ def plant(path, topic=EFFORTS):
         stop(node)
 
 
+class SlowClock:
+    """Simulated time, which the test lets pass."""
+
+    def __init__(self, node):
+        self._publisher, self._now = node.create_publisher(Clock, '/clock', 10), 100 * NS_PER_S
+
+    def go_on(self, step):
+        """Lets a time pass, ns."""
+        self._now += step
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(self._now, NS_PER_S)
+        self._publisher.publish(message)
+
+
 def assert_moves_without_torque(path):
     """Integrates the last 50 states of a plant's log again, under a torque of 0."""
     verified(path)
@@ -190,10 +204,19 @@ def test_plant_moves_without_torque_after_the_end_of_the_node(tmp_path, cause):
              'log': own}  # fmt: skip
     machine = FOLLOWED if isinstance(how, dict) else read_values('quadrilateral')
     given |= {**machine, **how} if isinstance(how, dict) else machine
-    program = ALTERED.format(action=how) if isinstance(how, str) else 'node'
+    now, program = tmp_path / 'now', 'node'
+    if isinstance(how, str):
+        program = ALTERED.format(action=how, now=str(now))
+    if how is LAW:
+        given['use_sim_time'] = 'true'
     with plant(path, topic) as (held, domain):
+        clock = SlowClock(held.listener.node)
         with running(program, *node_arguments(**given), domain=domain) as node:
-            held.await_effort(lambda effort: is_torque(effort) or node.poll() is not None)
+            # Commands before both sides are connected are lost, so that the end must wait.
+            held.await_effort(lambda effort: clock.go_on(10**6) or is_torque(effort))
+            now.touch()
+            if how is LAW:
+                wait_for(lambda: node.poll() is not None or clock.go_on(20 * 10**6))
             if cause == 'hanging tick':
                 wait_for(lambda: node.stdout.readline() == 'hangs\n')
                 node.send_signal(signal.SIGINT)
