@@ -15,6 +15,7 @@ import yaml
 from robots import Tree, make_robot
 from ros_harness import assert_refused
 
+from linkage_lab import command_line
 from linkage_lab.robots import artist, import_tool, mjcf
 from linkage_lab.robots.import_tool import read_robot
 from linkage_lab.robots.loops import Request
@@ -23,6 +24,7 @@ from linkage_ros import Conditions
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.joints import joint_rows
+from linkage_ros.programs import record
 from linkage_ros.quantities import build, flatten
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.yaml_file import read_parameter_file
@@ -325,6 +327,29 @@ def test_centre_of_mass_off_the_pin_of_a_slider_is_noted(run):
     assert_refused(*run(*made, '--world', 'base'), 'from its pin: on a frame that turns it')
     _, printed = run(SLIDER.replace('0 0.5 0.04', '0 0.5 0'), *made[1:], '--world', 'base')
     assert 'centre of mass' not in printed
+
+
+@pytest.mark.parametrize(
+    ('model', 'arguments', 'speed'),
+    [
+        (LEG, CLOSE, ['--rpm', '30']),
+        (SLIDER, ('--crank', 'slide', '--close', 'tip', 'piston'), []),
+    ],
+)
+def test_printed_commands_run(model, arguments, speed, run, called, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    _, printed = run(model, *arguments)
+    ((command, words),) = re.findall(r'; linkage_chart (\w+) (.*) shows it\n', printed)
+    assert words.split()[1:] == speed
+    assert called(command_line, command, *words.split())[0] == 0
+    file, log = Path('leg.yaml'), Path('leg.mcap')
+    code, _, error = called(record, file, log)
+    assert code == 2
+    (law,) = re.findall(r'drive: motion and (motion: \{.*\})', error)
+    drive, text = 'drive: "follow"', file.read_text()
+    assert drive in text
+    file.write_text(text.replace(drive, f'drive: motion\n    {law}'))
+    assert called(record, file, log, '--duration', 2.0, '--rate', 10)[0] == 0
 
 
 @pytest.mark.parametrize('turns', [-1, 0, 3])

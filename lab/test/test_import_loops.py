@@ -24,7 +24,7 @@ from linkage_lab.robots import import_tool
 from linkage_lab.robots.import_tool import read_robot
 from linkage_lab.robots.loops import Request
 from linkage_lab.robots.robot_drawing import draw_robot
-from linkage_ros import Conditions, SliderCrank, Solver, load, read_log
+from linkage_ros import Conditions, ConfigurationError, SliderCrank, Solver, load, read_log
 from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.programs.record import record
 from linkage_ros.settings.yaml_file import read_parameter_file
@@ -334,11 +334,12 @@ def test_loops_that_a_model_closes_itself_are_taken_without_close(run):
 
 def test_a_written_file_records_and_verifies(run, tmp_path):
     run('--crank', 'knee motor', *BOTH)
-    file = tmp_path / 'leg.yaml'
+    file, log = tmp_path / 'leg.yaml', tmp_path / 'leg.mcap'
+    with pytest.raises(ConfigurationError) as error:
+        record(load(str(file)), str(log))
+    (law,) = re.findall('motion: {.*}', str(error.value))
     text = file.read_text()
-    (law,) = re.findall('^#   (motion: .*)', text, re.MULTILINE)
     file.write_text(text.replace('drive: "follow"', f'drive: motion\n    {law}'))
-    log = tmp_path / 'leg.mcap'
     record(load(str(file)), str(log), duration=1.0)
     assert verified(log).ulp == 0
     assert 'knee motor.position' in read_log(log)['/joint_states']

@@ -14,14 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from linkage_lab.robots.artist import position_of
 from linkage_lab.robots.loops import Request
 from linkage_lab.robots.model import Robot
 from linkage_lab.robots.plane import FRAME
 from linkage_lab.robots.robot_drawing import RobotDrawing, draw_robot
 from linkage_lab.robots.sdf import read_sdf
 from linkage_lab.robots.urdf import read_urdf
-from linkage_ros import ConfigurationError, cli
+from linkage_ros import ConfigurationError, Solver, cli
 from linkage_ros.extensions import MECHANISMS
 from linkage_ros.internals import (
     configure,
@@ -101,24 +100,11 @@ def parameter_text(found: RobotDrawing, source: str) -> str:
         f'# Written by {_NAME} from {printable(source)}.',
         f'# {frame_id} in the axes of {printable(frame)}:',
         f'# origin [{origin}], x [{x}], y [{y}].',
-        *_law(found),
         '/**:',
         '  ros__parameters:',
         *_lines(tree, '    '),
     ]
     return '\n'.join(lines) + '\n'
-
-
-def _law(found: RobotDrawing) -> Iterator[str]:
-    """Yields comments on how to move the linkage without a robot."""
-    if 'frame_joint.name' in found.values:
-        return
-    slides = found.mechanism.structure().driven_link.slides
-    amplitude = float(f'{0.05 * found.size:.2g}') if slides else 0.05
-    yield '# Without the robot, linkage_record moves it if these lines replace drive: follow:'
-    yield '#   drive: motion'
-    center = position_of(found.mechanism)
-    yield f'#   motion: {{center: {center!r}, amplitude: {amplitude}, frequency: 0.5}}'
 
 
 def _lines(tree: Mapping[str, Any], indent: str) -> Iterator[str]:
@@ -214,7 +200,8 @@ def import_robot(options: argparse.Namespace) -> None:
     print(summary(found))
     for line in notes(configuration):
         print(f'note: {line}')
-    print(options.out)
+    speed = ' --rpm 30' if Solver(found.mechanism).reach.turns_fully else ''
+    print(f'{options.out}; linkage_chart motion {options.out}{speed} shows it')
 
 
 def _joint_value(text: str) -> tuple[str, float]:

@@ -12,6 +12,7 @@ from typing import NamedTuple, NoReturn, TypeAlias
 from linkage_ros.errors import ConfigurationError, LinkageError, UnreachableError
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
+from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.cdr import DoubtfulJointError, JointReader
 from linkage_ros.messages.joints import RobotJoint
@@ -31,6 +32,7 @@ Numbers: TypeAlias = Callable[[Coordinates, Coordinates | None], Sequence[Real]]
 # s without a measurement after which a warning is issued, if no torque depends on them, or before
 # the first one.
 _SILENCE = 2.0
+_AMPLITUDE = 0.5  # rad, of a law for a crank that turns fully
 NO_CRANK, NO_FRAME, NO_JOINT_STATE, OUT_OF_REACH = (
     'without a position of the crank', 'without a position of frame_joint', 'no JointState',
     'out of reach',
@@ -371,10 +373,20 @@ class FollowDrive(FeedForward):
         Raises:
             ConfigurationError: Always.
         """
+        also = ', and leave frame_joint out' * bool(self.frame_joint.name)
         raise ConfigurationError(
-            'drive: follow needs a crank that is measured: run linkage_node, or give '
-            'linkage_record --measured BAG'
+            f'drive: follow needs a {machine.solver.reach.driven} that is measured: run '
+            'linkage_node, or give linkage_record --measured BAG; without measurements, replace '
+            f'it by the lines drive: motion and {self._possible_law(machine.solver)}{also}'
         )
+
+    def _possible_law(self, solver: Solver) -> str:
+        """Returns the parameters of a law that the driven joint can follow."""
+        center, amplitude = self.drawn_angle(solver.mechanism), _AMPLITUDE
+        if not solver.reach.turns_fully:
+            low, high = solver.reach.arc_around(center)
+            center, amplitude = 0.5 * (low + high), 0.25 * (high - low)
+        return f'motion: {{center: {center:.9g}, amplitude: {amplitude:.3g}, frequency: 0.5}}'
 
     def inputs(self, machine: Machine) -> dict[Topic, Input]:
         """Receives measurements; see `Drive.inputs`."""
