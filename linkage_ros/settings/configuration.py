@@ -189,21 +189,22 @@ def _require_harmless(drive: Drive) -> None:
 def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str], reason: str) -> str:
     """Returns the error message for an unknown parameter of a mechanism and drive."""
     owner = _with_article(DRIVES[kind.drive].subject.format(kind.mechanism))
-    block = name.partition('.')[0]
-    sought = name if any(known.startswith(f'{block}.') for known in valid) else block
-    drives, mechanisms = (
-        _others(sought, kinds, own)
-        for kinds, own in ((DRIVES, kind.drive), (MECHANISMS, kind.mechanism))
-    )
-    having = [*(f'a crank with drive: {x}' for x in drives), *map(_with_article, mechanisms)]
-    reason = reason or (f'only {" or ".join(having)} has {sought}' if having else '')
-    if name == 'rate_hz':
-        reason = 'measurements set the rate'
+    mistake = f'{shown(name)} is not a parameter of {owner}'
+    group = name.partition('.')[0]
     every = [leaf.name for leaf in parameter_leaves(kind)]  # also of groups that are not given
-    if kind.mechanism == 'drawing' and any(x.startswith(f'drawing.{block}') for x in every):
-        return f'{shown(name)} is not a parameter of {owner}: indent {block} below drawing'
+    if kind.mechanism == 'drawing' and any(x.startswith(f'drawing.{group}') for x in every):
+        return f'{mistake}: indent {group} below drawing'
+    if name == 'rate_hz':
+        return f'{mistake}: measurements set the rate; leave it out'
     if reason:
-        return f'{shown(name)} is not a parameter of {owner}: {reason}; leave it out'
+        return f'{mistake}: {reason}; leave it out'
+    # A group that is missing here is named as a whole: only a four_bar has rocker.
+    sought = name if any(known.startswith(f'{group}.') for known in valid) else group
+    drives = _others(sought, DRIVES, kind.drive)
+    mechanisms = _others(sought, MECHANISMS, kind.mechanism)
+    having = [*(f'a crank with drive: {x}' for x in drives), *map(_with_article, mechanisms)]
+    if having:
+        return f'{mistake}: only {" or ".join(having)} has {sought}; leave it out'
     return unknown_name(name, owner, [*valid, *every], 'linkage_record --help')
 
 
