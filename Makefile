@@ -97,11 +97,14 @@ package: $(VENV)/package-ready
 # Plugins of a sourced ROS break today's pytest, so that only those named here are loaded. Three
 # processes share the tests, a file at a time, since the tests of a file share what they compute:
 # many tests wait, so that two cores serve three, and mypy beside them.
+PROGRAMS := .mypy_cache/page_programs
 check: $(VENV)/check-ready
 	@$(RUN) -m ruff check --quiet
 	@$(RUN) -m ruff format --check --quiet
 	@printed=$$($(VENV)/bin/lint-imports --no-cache --no-logo) || { echo "$$printed"; exit 1; }
-	@$(RUN) -m mypy --no-error-summary & types=$$!; \
+	@rm -rf $(PROGRAMS) && $(RUN) test/pages.py $(PROGRAMS)
+	@MYPYPATH=$(dir $(PROGRAMS)) $(RUN) -m mypy --no-error-summary -p linkage_ros -p linkage_lab \
+		-p $(notdir $(PROGRAMS)) & types=$$!; \
 	PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 $(RUN) -m pytest -q -p _hypothesis_pytestplugin \
 		-p xdist -p no:terminaldistreporter -n 3 --dist loadfile --no-loadscope-reorder; \
 	code=$$?; wait $$types && exit $$code

@@ -8,11 +8,13 @@ Angles and torques are positive counter-clockwise. Coordinates and rates may be 
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 __version__ = '2.0.0'
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from linkage_ros.errors import (
         ConfigurationError,
         LinkageError,
@@ -100,12 +102,14 @@ _MODULES = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    value = getattr(import_module(f'linkage_ros.{_MODULES[name]}'), name)
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:  # type checkers know the names above, and report others
+
+    def __getattr__(name: str) -> Any:
+        if name not in _MODULES:
+            raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+        value = getattr(import_module(f'linkage_ros.{_MODULES[name]}'), name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:
@@ -129,26 +133,36 @@ def load(source: str) -> 'Configuration':
     return configuration.load(source)
 
 
-def read_log(path: str) -> 'dict[str, dict[str, Array]]':
+@overload
+def read_log(path: 'Path | str') -> 'dict[str, dict[str, Array]]': ...
+
+
+@overload
+def read_log(path: 'Path | str', topic: str) -> 'dict[str, Array]': ...
+
+
+def read_log(path: 'Path | str', topic: str | None = None) -> Any:
     """Reads the joint states and points of a log, or of a bag of another program.
 
     Args:
         path: An MCAP file, or the folder of a rosbag2 recording.
+        topic: Name of one topic, such as `/joint_states`.
 
     Returns:
-        For each topic of joint states, one-dimensional arrays: the stamps `t`, s, and for each
-        joint `<joint>.position`, `.velocity` and `.effort` in the units of the messages, which in
-        logs of this package are rad or m, rad/s or m/s, and N m or N; for `mechanism_state` also
-        `.acceleration`. As in the messages, angles are relative to the parent link; a coupler is
-        measured from the crank. For each topic of points, such as `/points/foot`: `t`, and the
-        coordinates `x`, `y` and `z`, m. Values that a message lacks are NaN.
+        One-dimensional arrays of one length by name; without a topic, a dict of these by topic.
+        For joint states: the stamps `t`, s, and for each joint `<joint>.position`, `.velocity` and
+        `.effort` in the units of the messages, which in logs of this package are rad or m, rad/s
+        or m/s, and N m or N; for `mechanism_state` also `.acceleration`. As in the messages,
+        angles are relative to the parent link; a coupler is measured from the crank. For points,
+        such as `/points/foot`: `t`, and the coordinates `x`, `y` and `z`, m. Values that a message
+        lacks are NaN.
 
     Raises:
-        LogError: The file cannot be read, or is incomplete or damaged.
+        LogError: The file cannot be read, is incomplete or damaged, or has no such topic.
     """
     from linkage_ros.log import tables  # needs MCAP
 
-    return tables.read_log(path)
+    return tables.read_log(path, topic)
 
 
 __all__ = [

@@ -18,6 +18,8 @@ from linkage_ros.quantities import shown
 # arithmetic on floats gives floats and on arrays gives arrays.
 Real: TypeAlias = Any
 Array: TypeAlias = npt.NDArray[np.float64]
+# What a user may give for coordinates, their rates or a torque; see `Solver`.
+Numbers: TypeAlias = float | npt.NDArray[Any] | Sequence[float | npt.NDArray[Any]]
 
 
 def exact_sum(*terms: float) -> float:

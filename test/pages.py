@@ -5,6 +5,7 @@
 import ast
 import re
 import shlex
+import sys
 import textwrap
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -114,3 +115,16 @@ def commands(text):
         for line, is_block, near in found
         if (match := _COMMAND.match(line))
     ]
+
+
+def write_programs(folder):
+    """Writes the Python programs of the pages to a folder, for a type checker."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for page in PAGES:
+        for number, text in enumerate(filter(is_python, blocks(read(page)))):
+            name = re.sub(r'\W', '_', f'{page.removesuffix(".md")}_{number}')
+            (folder / f'{name}.py').write_text(f'{text}\n')
+
+
+if __name__ == '__main__':
+    write_programs(Path(sys.argv[1]))

@@ -64,6 +64,21 @@ def test_a_log_is_read_as_arrays_and_as_a_table_with_references(tmp_path, preset
     assert relative
 
 
+def test_a_topic_is_read_as_columns_of_one_length_as_pandas_needs(tmp_path):
+    log = tmp_path / 'run.mcap'
+    record(load('quadrilateral'), log, duration=0.1)
+    every = read_log(log)
+    for topic in ('/joint_states', '/points/coupler_point'):
+        columns = read_log(log, topic)
+        assert columns.keys() == every[topic].keys()
+        for name, column in columns.items():
+            assert column.shape == (20,)
+            assert column.dtype == float
+            assert np.array_equal(column, every[topic][name])
+    with pytest.raises(LogError, match=r"'joint_state'.*/joint_states, .*/points/coupler_point"):
+        read_log(log, 'joint_state')
+
+
 def test_missing_messages_of_a_point_leave_empty_cells(tmp_path):
     log, cut, out = (tmp_path / name for name in ('run.mcap', 'cut.mcap', 'cut.csv'))
     record(load('quadrilateral'), log, duration=0.1)

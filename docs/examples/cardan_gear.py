@@ -79,7 +79,7 @@ class CardanLoop(NamedTuple):
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CardanGear(Mechanism):
     """Crank A0-A; coupler A-B, fixed to the pinion and as long as the crank; slider at B.
 

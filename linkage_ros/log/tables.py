@@ -28,7 +28,7 @@ from linkage_ros.messages.topics import (
     MECHANISM_STATE,
     POINT_STAMPED,
 )
-from linkage_ros.numeric import Array
+from linkage_ros.quantities import shown
 from linkage_ros.settings.joints import measured_from
 from linkage_ros.units import NS_PER_S
 
@@ -142,15 +142,25 @@ def _tables(bag: Bag, progress: Callable[[int], object] = lambda _: None) -> lis
     return found
 
 
-def read_log(path: Path | str) -> dict[str, dict[str, Array]]:
-    """Reads joint states and points as arrays; see `linkage_ros.read_log`."""
-    return {
+def read_log(path: Path | str, topic: str | None = None) -> Any:
+    """Reads joint states and points as arrays; see `linkage_ros.read_log`.
+
+    Raises:
+        LogError: The log cannot be read, or has no such topic.
+    """
+    found = {
         table.topic.name: {
             't': np.frombuffer(table.stamps, np.int64) / NS_PER_S,
             **{name: np.frombuffer(column) for name, column in table.columns.items()},
         }
         for table in _tables(Bag(path))
     }
+    if topic is None:
+        return found
+    if topic not in found:
+        names = ', '.join(sorted(found)) or 'none'
+        raise LogError(f'{path} has no states or points on {shown(topic)}: choose one of {names}')
+    return found[topic]
 
 
 def write_csv(

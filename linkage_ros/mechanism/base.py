@@ -6,10 +6,11 @@ import functools
 import itertools
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NamedTuple, cast
 
-from linkage_ros.errors import ConfigurationError, MechanismError
+from linkage_ros.errors import ConfigurationError, LinkageError, MechanismError
 from linkage_ros.mechanism.dyad_reach import stroke_of
 from linkage_ros.mechanism.dyads import Chain, Dyad, ordered
 from linkage_ros.mechanism.kinematics import Loop, Reach, Stroke
@@ -83,9 +84,9 @@ class Mechanism(_FromDrawing):
     crank: Body
     assembly: str
     gravity: tuple[float, float]
-    loads: tuple[AppliedLoad, ...] = ()
-    dyads: tuple[Dyad, ...] = ()
-    points: tuple[TracedPoint, ...] = ()
+    loads: Sequence[AppliedLoad] = ()
+    dyads: Sequence[Dyad] = ()
+    points: Sequence[TracedPoint] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -102,6 +103,15 @@ class Mechanism(_FromDrawing):
             self.structure()  # rejects points that do not fit
         loads = tuple(load.completed() for load in _named(self.loads))
         object.__setattr__(self, 'loads', loads)
+
+    def __repr__(self) -> str:
+        kind, words = type(self).__name__, [self.assembly]
+        with suppress(LinkageError):  # such as a loop that only its dyads rule out
+            reach = self.reach()
+            words += [reach.grashof] if reach else []
+        links = ', '.join(link.name for link in self.structure().links)
+        loads = f'; loads {", ".join(load.name for load in self.loads)}' if self.loads else ''
+        return f'<{kind} ({", ".join(filter(None, words))}): {links}{loads}>'
 
     @classmethod
     def drives(cls, _values: Mapping[str, object]) -> tuple[tuple[str, ...], str]:

@@ -72,7 +72,7 @@ class DrawnLink(Checked):
     """
 
     name: str = required()
-    pins: tuple[str, ...] = quantity('names', 'pins of the link')
+    pins: Sequence[str] = quantity('names', 'pins of the link')
     mass: float = mass_quantity()
     inertia: float = inertia_quantity()
     center: tuple[float, float] | None = _center()
@@ -104,7 +104,7 @@ class DrawnSlide(Checked):
         'pair', 'direction [x, y] of the line as drawn', span=_PLACES
     )
     pin: str = quantity('text', 'pin of the block, on its line', default='')
-    pins: tuple[str, ...] | None = quantity(
+    pins: Sequence[str] | None = quantity(
         'names', 'pins of a block with several; the first is on its line', default=None
     )
     on: str = quantity('text', 'link that has the line, or frame', default=FRAME_NAME)
@@ -113,7 +113,7 @@ class DrawnSlide(Checked):
     center: tuple[float, float] | None = _center()
 
     @property
-    def all_pins(self) -> tuple[str, ...]:
+    def all_pins(self) -> Sequence[str]:
         """The pins of the block, first that on its line."""
         return self.pins or ((self.pin,) if self.pin else ())
 
@@ -139,7 +139,7 @@ class DrawnCylinder(Checked):
     rod: DrawnMass = field(default_factory=DrawnMass)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Drawing(Checked):
     """A machine as it is drawn at one position.
 
@@ -158,17 +158,30 @@ class Drawing(Checked):
         'choice', 'unit of all lengths of the drawing', choices=UNITS.keys(), default='m'
     )
     input: str = quantity('text', 'driven link, slide or cylinder')
-    frame: tuple[str, ...] = quantity('names', 'fixed pins')
+    frame: Sequence[str] = quantity('names', 'fixed pins')
     pins: Mapping[str, tuple[float, float]] = named(
         'pair', 'place of the pin [x, y], in units', span=_PLACES
     )
-    links: tuple[Any, ...] = groups(DrawnLink, {'': DrawnLink})
-    slides: tuple[Any, ...] = groups(DrawnSlide, {'': DrawnSlide})
-    cylinders: tuple[Any, ...] = groups(DrawnCylinder, {'': DrawnCylinder})
+    links: Sequence[DrawnLink] = groups(DrawnLink, {'': DrawnLink})
+    slides: Sequence[DrawnSlide] = groups(DrawnSlide, {'': DrawnSlide})
+    cylinders: Sequence[DrawnCylinder] = groups(DrawnCylinder, {'': DrawnCylinder})
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _check(self)
+
+    def __repr__(self) -> str:
+        parts: dict[str, Sequence[Any]] = {
+            'links': self.links,
+            'slides': self.slides,
+            'cylinders': self.cylinders,
+        }
+        named = (
+            f'{word} {", ".join(part.name for part in found)}'
+            for word, found in parts.items()
+            if found
+        )
+        return f'<Drawing (input {self.input}): {"; ".join(named)}>'
 
     def mechanism(
         self,
@@ -203,8 +216,8 @@ class DrawnMechanism(Checked):
 
     drawing: Drawing
     gravity: tuple[float, float] = gravity_quantity()
-    loads: tuple[Any, ...] = loads_field()
-    points: tuple[Any, ...] = points_field()
+    loads: Sequence[AppliedLoad] = loads_field()
+    points: Sequence[TracedPoint] = points_field()
 
     def converted(self) -> Mechanism:
         """Returns the mechanism; see `Drawing.mechanism`."""
@@ -248,7 +261,7 @@ def _check(drawing: Drawing) -> None:
         mistakes.check()
 
 
-def _parts(drawing: Drawing) -> Iterator[tuple[str, Any, tuple[str, ...]]]:
+def _parts(drawing: Drawing) -> Iterator[tuple[str, Any, Sequence[str]]]:
     """Yields each part of the drawing with its parameter's name and its pins."""
     for link in drawing.links:
         yield f'drawing.links.{link.name}', link, link.pins
@@ -318,7 +331,7 @@ def _bad_pins(drawing: Drawing) -> Iterator[str]:
 
 
 def _bad_slides(drawing: Drawing) -> Iterator[str]:
-    bodies = [part.name for part in (*drawing.links, *drawing.slides)]
+    bodies = [*(link.name for link in drawing.links), *(slide.name for slide in drawing.slides)]
     for slide in drawing.slides:
         label = f'drawing.slides.{slide.name}'
         if bool(slide.pin) == bool(slide.pins):
@@ -388,7 +401,7 @@ def _loose_parts(drawing: Drawing) -> Iterator[str]:
 def _bad_centers(drawing: Drawing) -> Iterator[str]:
     known = {name: Exact.of(place) for name, place in drawing.pins.items()}
     for label, part, pins in _parts(drawing):
-        own: dict[str, tuple[Any, tuple[str, ...]]] = {label: (part, pins)}
+        own: dict[str, tuple[Any, Sequence[str]]] = {label: (part, pins)}
         if isinstance(part, DrawnCylinder):
             own = {
                 f'{label}.barrel': (part.barrel, (part.from_,)),

@@ -20,9 +20,9 @@ lengths entered as decimals.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.formulas import (
@@ -37,9 +37,10 @@ from linkage_ros.formulas import (
     where,
 )
 from linkage_ros.mechanism.base import Mechanism
-from linkage_ros.mechanism.dyads import dyads_field
+from linkage_ros.mechanism.dyads import Dyad, dyads_field
 from linkage_ros.mechanism.kinematics import LinkPose, Loop, Pose, Reach
 from linkage_ros.mechanism.loads import loads_field
+from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.parts import (
     CROSSED,
     OPEN,
@@ -47,7 +48,7 @@ from linkage_ros.mechanism.parts import (
     Frame,
     gravity_quantity,
 )
-from linkage_ros.mechanism.points import points_field
+from linkage_ros.mechanism.points import TracedPoint, points_field
 from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, direction
 from linkage_ros.mechanism.transmission import Square, Transmission, swing_middle
 from linkage_ros.numeric import (
@@ -207,7 +208,7 @@ class ByRocker(NamedTuple):
         return Pose((crank, coupler._replace(position=angle, direction=back), rocker), sines)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FourBar(Mechanism):
     """A four-bar linkage: crank A0-A, coupler A-B, rocker B0-B, frame A0-B0.
 
@@ -235,9 +236,9 @@ class FourBar(Mechanism):
         'choice', 'side of the coupler-rocker pin', choices=(OPEN, CROSSED), default=OPEN
     )
     gravity: tuple[float, float] = gravity_quantity()
-    loads: tuple[Any, ...] = loads_field()
-    dyads: tuple[Any, ...] = dyads_field()
-    points: tuple[Any, ...] = points_field()
+    loads: Sequence[AppliedLoad] = loads_field()
+    dyads: Sequence[Dyad] = dyads_field()
+    points: Sequence[TracedPoint] = points_field()
 
     def require_closed(self) -> None:
         """See `Mechanism.require_closed`.

@@ -24,17 +24,18 @@ These formulas were derived for this project.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, sqrt, turned
 from linkage_ros.mechanism.base import Description
 from linkage_ros.mechanism.driven_slide import CRANK, SlideDriven, Triangle
-from linkage_ros.mechanism.dyads import dyads_field
+from linkage_ros.mechanism.dyads import Dyad, dyads_field
 from linkage_ros.mechanism.kinematics import FULL_TURN, Arc, LinkPose, Pose, Reach, Stroke
 from linkage_ros.mechanism.loads import loads_field
+from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.parts import (
     CROSSED,
     OPEN,
@@ -44,7 +45,7 @@ from linkage_ros.mechanism.parts import (
     Rod,
     gravity_quantity,
 )
-from linkage_ros.mechanism.points import points_field
+from linkage_ros.mechanism.points import TracedPoint, points_field
 from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, direction
 from linkage_ros.mechanism.transmission import Square, half_angle, normalized
 from linkage_ros.numeric import Real, exact_sum, rounded, short_sum
@@ -184,7 +185,7 @@ def _pose(
     return Pose(tuple(LinkPose(*place, (one,), (two,)) for place, (one, two) in links), (sine,))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class InvertedSliderCrank(SlideDriven):
     """An inverted slider-crank: crank A0-A, barrel about B0, rod from the barrel to A.
 
@@ -220,9 +221,9 @@ class InvertedSliderCrank(SlideDriven):
         span=(-1e9, 1e9), default=0.0,
     )  # fmt: skip
     gravity: tuple[float, float] = gravity_quantity()
-    loads: tuple[Any, ...] = loads_field()
-    dyads: tuple[Any, ...] = dyads_field()
-    points: tuple[Any, ...] = points_field()
+    loads: Sequence[AppliedLoad] = loads_field()
+    dyads: Sequence[Dyad] = dyads_field()
+    points: Sequence[TracedPoint] = points_field()
     input: str = quantity('choice', 'driven joint', choices=(CRANK, CYLINDER), default=CRANK)
     assembly: str = quantity(
         'choice', 'side of the pin A from the line of the fixed pivots, with input: cylinder',

@@ -5,7 +5,7 @@
 import functools
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple, NoReturn, Protocol, TypeAlias
+from typing import Any, NamedTuple, NoReturn, Protocol, TypeAlias, overload
 
 import numpy as np
 
@@ -307,7 +307,8 @@ class State(NamedTuple):
 
     The order of the links is that of `links`: crank, coupler, and rocker or slider; crank, barrel
     and rod of a cylinder; crank, coupler, rod and slider of a wind pump; then dyads. The motion of
-    one link is `state['rocker']`. States are equal if motion and torque are.
+    one link is `state['rocker']`. States are equal if motion and torque are. A state prints as a
+    table of its links, with six digits; arrays, as their ranges.
 
     Attributes:
         position: Directions of the links from first to second pin, rad, in [-pi, pi] except for
@@ -327,6 +328,12 @@ class State(NamedTuple):
     torque: Real
     conditions: Conditions = OWN_CONDITIONS
     links: tuple[str, ...] = ()
+
+    @overload
+    def __getitem__(self, key: str) -> LinkMotion: ...
+
+    @overload
+    def __getitem__(self, key: Any) -> Any: ...
 
     def __getitem__(self, key: Any) -> Any:
         """Returns the motion of a link by its name, or fields by index.
@@ -349,6 +356,29 @@ class State(NamedTuple):
 
     def __hash__(self) -> int:
         return hash(self[:4])
+
+    def __repr__(self) -> str:
+        if not all(isinstance(row, tuple) for row in self[:3]):  # not from a solver
+            return f'State{tuple(self)!r}'
+        names = map(str, self.links or range(len(self.position)))
+        motions = zip(*(map(_digits, row) for row in self[:3]), strict=False)
+        rows = [
+            ('', *LinkMotion._fields),
+            *((name, *motion) for name, motion in zip(names, motions, strict=False)),
+            ('torque', _digits(self.torque), '', ''),
+        ]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = ('  '.join(map(str.ljust, row, widths)).rstrip() for row in rows)
+        return '\n'.join(('State (SI units)', *lines))
+
+
+def _digits(values: object) -> str:
+    """Writes a number with six digits, or the range of an array."""
+    row = np.asarray(values)
+    if row.dtype.kind not in 'fiu' or not row.size:
+        return shown(values)
+    ends = (row.min(), row.max()) if row.ndim else (row,)
+    return ' to '.join(f'{x:.6g}' for x in ends)
 
 
 class PointMotion(NamedTuple):

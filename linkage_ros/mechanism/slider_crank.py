@@ -28,17 +28,18 @@ project.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, sqrt, turned
 from linkage_ros.mechanism.base import Description
 from linkage_ros.mechanism.driven_slide import CRANK, SlideDriven, Triangle
-from linkage_ros.mechanism.dyads import dyads_field
+from linkage_ros.mechanism.dyads import Dyad, dyads_field
 from linkage_ros.mechanism.kinematics import LinkPose, Pose, Reach, Stroke
 from linkage_ros.mechanism.loads import loads_field
+from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.parts import (
     CROSSED,
     OPEN,
@@ -47,7 +48,7 @@ from linkage_ros.mechanism.parts import (
     Slider,
     gravity_quantity,
 )
-from linkage_ros.mechanism.points import points_field
+from linkage_ros.mechanism.points import TracedPoint, points_field
 from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, direction
 from linkage_ros.mechanism.transmission import Square, Transmission
 from linkage_ros.numeric import (
@@ -176,7 +177,7 @@ class BySlider(NamedTuple):
         return Pose((*links, LinkPose(slide, self.guide, (1.0,), (ZERO,))), (-2 * sine * cosine,))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SliderCrank(SlideDriven):
     """A slider-crank: crank A0-A, coupler A-B, slider at B on a straight guide.
 
@@ -210,9 +211,9 @@ class SliderCrank(SlideDriven):
         'pin A from the line from A0 to B', choices=(OPEN, CROSSED), default=OPEN,
     )  # fmt: skip
     gravity: tuple[float, float] = gravity_quantity()
-    loads: tuple[Any, ...] = loads_field()
-    dyads: tuple[Any, ...] = dyads_field()
-    points: tuple[Any, ...] = points_field()
+    loads: Sequence[AppliedLoad] = loads_field()
+    dyads: Sequence[Dyad] = dyads_field()
+    points: Sequence[TracedPoint] = points_field()
     input: str = quantity('choice', 'driven joint', choices=(CRANK, SLIDER), default=CRANK)
 
     def require_closed(self) -> None:

@@ -11,7 +11,7 @@ binds it to the numbers of its mechanism.
 import functools
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, NoReturn, cast
+from typing import Any, NamedTuple, NoReturn, Protocol, cast, overload
 
 import numpy as np
 
@@ -40,7 +40,7 @@ from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.structure import Point
 from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.mechanism.wrenches import FRAME, Exerted, ExertedForce, Wrench, place, poses
-from linkage_ros.numeric import Real, real_numbers, require_finite, single_numbers
+from linkage_ros.numeric import Numbers, Real, real_numbers, require_finite, single_numbers
 from linkage_ros.quantities import shown
 from linkage_ros.units import SLIDING, TURNING, place_words
 
@@ -78,6 +78,14 @@ class _OpenModel(NamedTuple):
         return model.within(environment)
 
 
+class HasMechanism(Protocol):
+    """A `Drawing`, whose mechanism is a method, or what `load` returns."""
+
+    @property
+    def mechanism(self) -> Any:
+        """The mechanism, or a function that returns it."""
+
+
 class Solver:
     """Exact solver for a mechanism.
 
@@ -105,7 +113,7 @@ class Solver:
 
     def __init__(
         self,
-        mechanism: Any,
+        mechanism: 'Mechanism | HasMechanism',
         *,
         traced: bool = True,
         by_math: bool = False,
@@ -171,6 +179,9 @@ class Solver:
         self._open_models: dict[tuple[Any, ...], _OpenModel] = {}
         # Whether floats can be passed to the programs as they are.
         self._takes_floats = len(self.coordinates) == 1 and not self.model.joint_loads
+
+    def __repr__(self) -> str:
+        return f'Solver({self.mechanism!r})'
 
     def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
         make = functools.partial(
@@ -311,9 +322,9 @@ class Solver:
 
     def state(
         self,
-        q: Any,
-        u: Any = 0.0,
-        a: Any = 0.0,
+        q: Numbers,
+        u: Numbers = 0.0,
+        a: Numbers = 0.0,
         *,
         under: Conditions = OWN_CONDITIONS,
     ) -> State:
@@ -353,9 +364,9 @@ class Solver:
 
     def torque(
         self,
-        q: Any,
-        u: Any = 0.0,
-        a: Any = 0.0,
+        q: Numbers,
+        u: Numbers = 0.0,
+        a: Numbers = 0.0,
         *,
         under: Conditions = OWN_CONDITIONS,
     ) -> Real:
@@ -396,11 +407,21 @@ class Solver:
     def _forward(self) -> Program:
         return self.program(equations.forward, 'q', 'u', 'torque')
 
+    @overload
+    def accelerations(
+        self, q: float, u: float, torque: float, *, under: Conditions = ...
+    ) -> float: ...
+
+    @overload
+    def accelerations(
+        self, q: Numbers, u: Numbers, torque: Numbers, *, under: Conditions = ...
+    ) -> Any: ...
+
     def accelerations(
         self,
-        q: Any,
-        u: Any,
-        torque: Any,
+        q: Numbers,
+        u: Numbers,
+        torque: Numbers,
         *,
         under: Conditions = OWN_CONDITIONS,
     ) -> Any:
@@ -431,9 +452,9 @@ class Solver:
 
     def driven_state(
         self,
-        q: Any,
-        u: Any,
-        torque: Any,
+        q: Numbers,
+        u: Numbers,
+        torque: Numbers,
         *,
         under: Conditions = OWN_CONDITIONS,
     ) -> State:
@@ -521,7 +542,7 @@ class Solver:
             )
         return cast('tuple[Real, Real]', self._run(equations.energy, state.conditions, q=q, u=u))
 
-    def matrix(self, q: Any) -> tuple[tuple[Real, ...], ...]:
+    def matrix(self, q: Numbers) -> tuple[tuple[Real, ...], ...]:
         """Computes the mass matrix M.
 
         Args:

@@ -19,9 +19,9 @@ differentiating the loop equation twice.
 
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, NoReturn
+from typing import ClassVar, NamedTuple, NoReturn
 
 from linkage_ros.errors import UnreachableError
 from linkage_ros.formulas import (
@@ -38,9 +38,10 @@ from linkage_ros.formulas import (
     where,
 )
 from linkage_ros.mechanism.base import Mechanism
-from linkage_ros.mechanism.dyads import dyads_field
+from linkage_ros.mechanism.dyads import Dyad, dyads_field
 from linkage_ros.mechanism.kinematics import LinkPose, Pose, bends, directions
 from linkage_ros.mechanism.loads import loads_field
+from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.parts import (
     CROSSED,
     OPEN,
@@ -48,7 +49,7 @@ from linkage_ros.mechanism.parts import (
     Piston,
     gravity_quantity,
 )
-from linkage_ros.mechanism.points import points_field
+from linkage_ros.mechanism.points import TracedPoint, points_field
 from linkage_ros.mechanism.structure import Link, Pin, Point, Structure
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
@@ -176,7 +177,7 @@ class ByCoupler(WindPumpLoop):
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class WindPump(Mechanism):
     """A wind pump: crank A0-A, coupler A-B, rod B-D, slider D on the x axis.
 
@@ -207,9 +208,9 @@ class WindPump(Mechanism):
         'choice', 'side of the coupler-rod pin', choices=(OPEN, CROSSED), default=OPEN
     )
     gravity: tuple[float, float] = gravity_quantity()
-    loads: tuple[Any, ...] = loads_field()
-    dyads: tuple[Any, ...] = dyads_field()
-    points: tuple[Any, ...] = points_field()
+    loads: Sequence[AppliedLoad] = loads_field()
+    dyads: Sequence[Dyad] = dyads_field()
+    points: Sequence[TracedPoint] = points_field()
 
     @classmethod
     def drives(cls, _values: Mapping[str, object]) -> tuple[tuple[str, ...], str]:

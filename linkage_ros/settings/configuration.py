@@ -39,7 +39,7 @@ _EXPLAINED = 6  # number of unknown names that a message explains
 _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Configuration:
     """The complete configuration of a run.
 
@@ -58,6 +58,10 @@ class Configuration:
     session: Session
     joints: Mapping[str, JointSettings] = field(default_factory=dict)
     given: Any = None
+
+    def __repr__(self) -> str:
+        driven = self.mechanism.structure().driven_link
+        return f'Configuration({self.mechanism!r}, {self.drive.words(driven)})'
 
     @property
     def mechanism_words(self) -> str:

@@ -11,6 +11,7 @@ import cmath
 import math
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from mpmath import mp
@@ -35,7 +36,7 @@ def _differences(mechanism: FourBar, crank: float) -> float:
 
 def _newton(mechanism: FourBar, crank: float) -> float:
     """Solves the loop equations of the dyad from a fixed first guess, then for the rates."""
-    (dyad,) = mechanism.dyads
+    dyad: Any = mechanism.dyads[0]
     b, c = dyad.first.length, dyad.second.length
     pin = mechanism.crank.length * np.array([math.cos(crank), math.sin(crank)])
     first, second = 0.5, 1.0
@@ -60,7 +61,7 @@ DYAD_METHODS = [
 
 def _exact(mechanism: FourBar, crank: float) -> float:
     """Computes the rate of the second link per crank rate."""
-    (dyad,) = mechanism.dyads
+    dyad: Any = mechanism.dyads[0]
     with mp.workdps(60):
         crank_pin = mp.mpf(mechanism.crank.length) * mp.expj(mp.mpf(crank))
         b, c = mp.mpf(dyad.first.length), mp.mpf(dyad.second.length)

@@ -179,6 +179,7 @@ class Reference:
             return origin + direction * mp.mpc(*map(self._length, at))
 
         found: list[_Number] = []
+        dyad: Any  # what it has depends on its kind
         for dyad in mechanism.dyads:
             start, name = end(dyad.from_, dyad.from_at), dyad.name
             if dyad.barrel:
