@@ -3,7 +3,7 @@
 """Cases for integrators: motions under a torque, some of them random and hard to integrate."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from decimal import Decimal
 from functools import cached_property, lru_cache, partial
@@ -83,7 +83,7 @@ class MotionCase(Case):
 
     def rows(self, method: Method, setting: Setting, *_: str) -> Sequence[Row]:
         """See `Case`; a row is a phase and the loop gap, m. A failed row is the last one."""
-        return followed(self.problem, self.times, method.solve, tuple(setting.items()))
+        return integrate(self.problem, self.times, method.solve, tuple(setting.items()))
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
         """Computes the error of a row; see `Case`.
@@ -116,25 +116,28 @@ class MotionCase(Case):
 
 # Cached, because situations share motions, and panels of a chart share runs.
 @lru_cache(maxsize=32)
-def followed(
+def integrate(
     problem: InitialValueProblem,
     times: tuple[float, ...],
     solve: Callable[..., Any],
     setting: tuple[tuple[str, float], ...],
 ) -> list[Row]:
     """Integrates a motion; see `MotionCase.rows`."""
+    rows: list[Row] = []
 
-    def phases() -> Iterator[tuple[float, ...]]:
+    def append_rows() -> Sequence[float]:
         at = solve(problem, dict(setting)).at
         for moment in times:
             phase = at(moment)
             if not all(map(math.isfinite, phase)):
                 raise ArithmeticError('the motion overflows')
-            yield with_gap(problem, phase)
+            rows.append(with_gap(problem, phase))
+        return ()
 
-    run = phases()
-    rows = [attempt(next, run, ()) for _ in times]
-    return [row for row in rows if row != ()]  # () after the end of the motion
+    failed_row = attempt(append_rows)
+    if len(rows) < len(times):
+        rows.append(failed_row)
+    return rows
 
 
 def with_gap(problem: InitialValueProblem, phase: Phase) -> Phase:

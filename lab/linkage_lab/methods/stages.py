@@ -24,7 +24,19 @@ from typing import Any, NamedTuple, TypeAlias
 from linkage_lab.reference.states import Linkage, lengths
 from linkage_ros import OPEN
 from linkage_ros.extensions import LinkPose, Pose
-from linkage_ros.formulas import ZERO, Opaque, Real, Vector, atan2, cos, cross, dot, sin, sqrt
+from linkage_ros.formulas import (
+    ZERO,
+    Opaque,
+    Real,
+    Vector,
+    atan2,
+    cos,
+    cross,
+    dot,
+    sin,
+    sqrt,
+    turned,
+)
 from linkage_ros.internals import Model, torque
 
 QUANTITIES = ('position', 'rate', 'acceleration', 'torque')
@@ -144,18 +156,23 @@ def factored(links: Links, crank: Real) -> Pair:
 
 
 def two_circles(links: Links, crank: Real) -> Pair:
-    """Finds B by intersecting the circle about A with the circle about B0 or the slider's path."""
+    """Finds B by intersecting the circle about A with the circle about B0 or the slider's path.
+
+    With the diagonal D from A to B0, the coupler's unit vector is along D + across D.left():
+
+        along = (b^2 - c^2 + D.D) / (2 b D.D)        along^2 + across^2 = 1 / D.D
+    """
     r, b, c, d, angle, side, *_ = links
     arm, frame = Vector.at(crank) * r, Vector.at(angle)
     if c is None:
-        y = d - cross(frame, arm)
-        x = side * sqrt(b * b - y * y)
-        return (frame * x + frame.left() * y) * (1 / b), dot(frame, arm) + x
-    x, y = diagonal = frame * d - arm
-    over = 1 / dot(diagonal, diagonal)
-    foot = 0.5 / b + (0.5 * (b - c) * (b + c) / b) * over
-    half_chord = side * sqrt(over - foot * foot)
-    coupler = Vector(x * foot - y * half_chord, y * foot + x * half_chord)
+        height = d - cross(frame, arm)
+        run = side * sqrt(b * b - height * height)
+        return (frame * run + frame.left() * height) * (1 / b), dot(frame, arm) + run
+    diagonal = frame * d - arm
+    over_square = 1 / dot(diagonal, diagonal)
+    along = 0.5 / b + (0.5 * (b - c) * (b + c) / b) * over_square
+    across = side * sqrt(over_square - along * along)
+    coupler = turned(diagonal, along, across)
     return coupler, (coupler * b - diagonal) * (1 / c)
 
 
