@@ -14,7 +14,7 @@ Loads that jump need no special treatment, because the integrator's step control
 import functools
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -28,11 +28,10 @@ STATE, CURVE, ROUGH, _OVER_TIME = 1e-10, 1e-7, 1e-6, 1e-5
 _TORQUE = np.array((0.0, 0.0, 0.0, 1.0))  # the direction of M0
 _FIRST_STEP, _MOST = 0.1, 20_000  # rad; evaluations per turn, of which a jump needs up to 5 000
 _DIFFERENCE = 1e-5  # for derivatives by central differences, in the units of a phase
+# Nine phases near a phase: itself, then displaced forwards, then backwards along each axis.
 _MOVES: Any = _DIFFERENCE * np.hstack((np.zeros((4, 1)), np.eye(4), -np.eye(4)))
-# Number of Newton steps, and length of the longest, in the units of a phase. The last step is
-# shorter than _LAST tolerances, or, as with loads that jump, below _NOISE tolerances and not much
-# shorter than the step before it.
-_STEPS, _LONGEST, _LAST, _NOISE = 8, 2.0, 10.0, 1e3
+_STEPS, _LONGEST = 8, 2.0  # number of Newton steps; length of the longest, in units of a phase
+_LAST, _NOISE = 10.0, 1e3  # lengths of the last step, in tolerances; see `_has_converged`
 _IN_LINE = 0.02  # smallest sine of the angle between coupler and rod
 SAME = 1e-4  # distance below which two phases count as equal, in the units of a phase
 
@@ -143,23 +142,17 @@ class Shooting:
         Raises:
             MotionError: No motion was found.
         """
-        phase, units, size = guess, self.units[:, None], math.inf
+        phase, size = guess, math.inf
         for _ in range(_STEPS):
-            found = self.shoot(phase[:, None] + units * _MOVES, turns, tolerance)
-            *ends, times = found.y.reshape(5, 9, turns)
-            rows = np.array(ends) / units[..., None]
-            derivative = (rows[:3, 1:5, -1] - rows[:3, 5:, -1]) / (2 * _DIFFERENCE)
-            moved = rows[:, 0] - phase[:, None] / units
-            matrix = np.vstack((derivative - np.eye(3, 4), fixed))
-            step = -np.linalg.solve(matrix, np.append(moved[:3, -1], 0.0))
+            shot = self._shoot_near(phase, turns, tolerance)
+            step = shot.newton_step(fixed)
             before, size = size, float(np.abs(step).max())
-            if size < _LAST * tolerance or before / 2 < size < _NOISE * tolerance:
-                earliest = int(np.argmax(np.abs(moved).max(axis=0) < SAME)) + 1
-                if earliest < turns:
-                    return self.find(phase, earliest, fixed, tolerance)
-                starts = np.hstack((phase[:, None], units * rows[:, 0, :-1]))
-                points = found.y_events[0][:, 0]
-                return PeriodicMotion(self, starts, derivative, times[0], points)
+            if _has_converged(size, before, tolerance):
+                if shot.period < turns:  # its derivative is over fewer turns
+                    return self.find(phase, shot.period, fixed, tolerance)
+                starts = np.column_stack((phase, self.units[:, None] * shot.ends[:, :-1]))
+                turning_points = shot.reversals[:, 0]
+                return PeriodicMotion(self, starts, shot.derivative, shot.times, turning_points)
             if not size < _LONGEST:
                 break
             phase = phase + self.units * step
@@ -167,6 +160,17 @@ class Shooting:
             "Newton's method finds no periodic motion",
             time=0.0, coordinates=(0.0, float(guess[0])),
         )  # fmt: skip
+
+    def _shoot_near(self, phase: Array, turns: int, tolerance: float) -> '_Shot':
+        """Integrates the motion from a phase, with neighbours that show its derivative."""
+        units = self.units[:, None]
+        found = self.shoot(phase[:, None] + units * _MOVES, turns, tolerance)
+        *phases, times = found.y.reshape(5, _MOVES.shape[1], turns)
+        ends = np.array(phases) / units[..., None]
+        base, plus, minus = ends[:, 0], ends[:, 1:5], ends[:, 5:]
+        derivative = (plus - minus)[:3, :, -1] / (2 * _DIFFERENCE)
+        moved = base - phase[:, None] / units
+        return _Shot(base, moved, derivative, times[0], found.y_events[0])
 
     def run(self, values: Array, duration: float, samples: Array | None = None) -> Any:
         """Integrates a motion over time; the crank may also turn backwards.
@@ -199,6 +203,44 @@ class Shooting:
                 first_step=_FIRST_STEP / self.units[1], rtol=_OVER_TIME,
                 atol=_OVER_TIME * np.array((1.0, *self.units[:3])),
             )  # fmt: skip
+
+
+class _Shot(NamedTuple):
+    """A motion over some turns, and how its end depends on its start, in the units of a phase.
+
+    Attributes:
+        ends: Phase at the end of each turn, of shape (4, turns).
+        moved: Change of the phase since the motion's start, at these ends.
+        derivative: As in `PeriodicMotion`.
+        times: As in `PeriodicMotion`.
+        reversals: Values of the motion where its slider reverses, in rows; may be empty.
+    """
+
+    ends: Array
+    moved: Array
+    derivative: Array
+    times: Array
+    reversals: Array
+
+    @property
+    def period(self) -> int:
+        """Number of turns after which the phase is the same for the first time."""
+        is_same = np.abs(self.moved).max(axis=0) < SAME
+        return int(np.argmax(is_same)) + 1
+
+    def newton_step(self, fixed: Array) -> Array:
+        """Computes the change of the start that closes the motion, none along `fixed`."""
+        matrix = np.vstack((self.derivative - np.eye(3, 4), fixed))
+        gap = np.append(self.moved[:3, -1], 0.0)
+        return -np.linalg.solve(matrix, gap)
+
+
+def _has_converged(size: float, before: float, tolerance: float) -> bool:
+    """Returns whether a Newton step is small enough, given its size and that of the step before.
+
+    With loads that jump, steps stop shrinking early, at the noise of the integration.
+    """
+    return size < _LAST * tolerance or before / 2 < size < _NOISE * tolerance
 
 
 @dataclass(frozen=True, eq=False)
