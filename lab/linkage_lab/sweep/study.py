@@ -301,16 +301,18 @@ def parameters(mechanism: Any, speed: float | None) -> Iterator[Leaf]:
         speed: Speed of the driven joint, rpm or m/s; None if there is none.
     """
     values: dict[str, Any] = flatten(mechanism)
-    for name, allowed, _ in leaves(type(mechanism), values=values):
-        group = name.partition('.')[0]
-        if name in values and hasattr(mechanism, group):
-            if allowed.kind == 'number':
-                yield Leaf(name, allowed, values[name])
-            elif allowed.kind == 'pair':
-                yield from (Leaf(f'{name}.{i}', allowed, x) for i, x in enumerate(values[name]))
+    for leaf in leaves(type(mechanism), values=values):
+        if leaf.name not in values:  # optional, and missing from the base
+            continue
+        value = values[leaf.name]
+        if leaf.quantity.kind == 'number':
+            yield leaf._replace(default=value)
+        elif leaf.quantity.kind == 'pair':
+            yield from (Leaf(f'{leaf.name}.{i}', leaf.quantity, x) for i, x in enumerate(value))
     if speed is not None:
-        name = SPEED if mechanism.converted().structure().driven_link.slides else RPM
-        yield from (leaf._replace(default=speed) for leaf in leaves(Settings) if leaf.name == name)
+        setting = SPEED if mechanism.converted().structure().driven_link.slides else RPM
+        settings = {leaf.name: leaf for leaf in leaves(Settings)}
+        yield settings[setting]._replace(default=speed)
 
 
 def _designs(settings: Settings, columns: Sequence[Leaf]) -> Array:
