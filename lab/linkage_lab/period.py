@@ -7,14 +7,12 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
 from linkage_lab.gaps import Column, around_gaps, at_change_points
 from linkage_lab.output import progress
-from linkage_lab.pump.analysis import settle
-from linkage_lab.pump.shooting import PeriodicMotion
 from linkage_lab.sampling import (
     integral,
     interpolated,
@@ -37,6 +35,9 @@ from linkage_ros import (
 from linkage_ros.formulas import Array
 from linkage_ros.internals import Drawing, without_turns
 from linkage_ros.palette import colors_of
+
+if TYPE_CHECKING:
+    from linkage_lab.pump.shooting import PeriodicMotion
 
 # Speed of a crank that is drawn over its arc, or of a cylinder over its stroke, m/s; and the part
 # of the arc or stroke left out at each end.
@@ -704,6 +705,8 @@ def _settled(
     Raises:
         ConfigurationError: The pump does not settle, or an option does not apply to it.
     """
+    from linkage_lab.pump.analysis import settle  # SciPy takes a third of the time of a chart
+
     drive: Any = design.drive
     for option in options:
         raise ConfigurationError(
@@ -728,7 +731,7 @@ def _settled(
     ]  # fmt: skip
 
 
-def settled_period(motion: PeriodicMotion) -> Period:
+def settled_period(motion: 'PeriodicMotion') -> Period:
     """Samples one period of a wind pump's steady state in steps of at most 0.5 deg."""
     crank = np.linspace(0, 2 * math.pi * motion.turns, 720 * motion.turns + 1)
     crank = with_breaks(crank, motion.shooting.solver, motion.states)

@@ -12,7 +12,6 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
-from scipy.interpolate import make_interp_spline
 
 from linkage_lab.gaps import SAME, at_change_points
 from linkage_ros import Solver, State, UnreachableError
@@ -21,7 +20,10 @@ from linkage_ros.internals import period_turns, poses
 
 _BISECTIONS = 64  # halvings of a step, after which its ends differ only by rounding
 _PARTS = 8  # least number of steps between two corners or jumps
-_DEGREE = 5  # of splines
+# Samples of the polynomial of each step, and the nodes and weights of Gauss that integrate it
+# exactly over [-1, 1].
+_NEAR = 6
+_GAUSS = np.polynomial.legendre.leggauss(_NEAR // 2)
 # A search for peaks: order of the Chebyshev polynomials, parts of an interval, rounds, relative
 # change at convergence, and most samples around which a function is searched.
 _ORDER, _CELLS, _ROUNDS, _CLOSE, _TOPS = 10, 64, 24, 4e-15, 16
@@ -272,16 +274,55 @@ def _tops(x: Array, values: Array) -> tuple[Any, Any]:
     return row, top
 
 
+class _Polynomials:
+    """A polynomial for each step of smooth functions, through the six samples around the step."""
+
+    def __init__(self, x: Array, values: Array) -> None:
+        """Computes Newton's coefficients.
+
+        Args:
+            x: Increasing places, shape (n,).
+            values: The m functions there, shape (n, m).
+        """
+        count = min(_NEAR, len(x))
+        before = np.clip(np.arange(1 - count // 2, len(x) - count // 2), 0, len(x) - count)
+        around = before[:, None] + np.arange(count)
+        self._x, self._nodes, terms = x, x[around].T, np.moveaxis(values[around], 1, 0)
+        for order in range(1, count):
+            apart = self._nodes[order:] - self._nodes[:-order]
+            terms[order:] = (terms[order:] - terms[order - 1 : -1]) / apart[..., None]
+        self._terms = terms
+
+    def at(self, places: Array) -> tuple[Array, Array]:
+        """Returns values and slopes at places of shape (k,), each of shape (k, m)."""
+        step = np.clip(np.searchsorted(self._x, places, side='right') - 1, 0, len(self._x) - 2)
+        *lower, value = self._terms[:, step]
+        slope = np.zeros_like(value)
+        for node, term in zip(self._nodes[-2::-1, step], reversed(lower), strict=True):
+            way = (places - node)[:, None]
+            value, slope = value * way + term, slope * way + value
+        return value, slope
+
+    def areas(self) -> Array:
+        """Returns the integral over each step, shape (n - 1, m)."""
+        half, middle = 0.5 * np.diff(self._x), 0.5 * (self._x[1:] + self._x[:-1])
+        nodes, weights = _GAUSS
+        values, _ = self.at(np.ravel(middle[:, None] + half[:, None] * nodes))
+        return half[:, None] * np.tensordot(
+            values.reshape(len(half), len(nodes), -1), weights, (1, 0)
+        )
+
+
 def interpolated(x: Array, values: Array) -> Callable[[Array], Array]:
     """Interpolates m functions between samples, separately between corners and jumps."""
-    parts = [(x[part.start], spline) for part, spline in _smooth_parts(x, values.T)]
+    parts = [(x[part.start], smooth) for part, smooth in _smooth_parts(x, values.T)]
     starts = np.array([start for start, _ in parts])
 
     def curves(places: Array) -> Array:
         which = np.clip(np.searchsorted(starts, places, side='right') - 1, 0, None)
         found = np.empty((len(values), len(places)))
         for i in np.unique(which):
-            found[:, which == i] = parts[i][1](places[which == i]).T
+            found[:, which == i] = parts[i][1].at(places[which == i])[0].T
         return found
 
     return curves
@@ -290,29 +331,21 @@ def interpolated(x: Array, values: Array) -> Callable[[Array], Array]:
 def derivative(crank: Array, values: Array) -> Array:
     """Differentiates values by the crank angle, separately between corners and jumps."""
     found = np.zeros_like(values)
-    for part, spline in _smooth_parts(crank, values):
-        found[part] = spline(crank[part], 1)
+    for part, smooth in _smooth_parts(crank, values[:, None]):
+        found[part] = smooth.at(crank[part])[1][:, 0]
     return found
 
 
 def integral(crank: Array, values: Array) -> Array:
     """Integrates values over the crank angle, from the first angle to each angle."""
     steps = 0.5 * np.diff(crank) * (values[1:] + values[:-1])
-    for part, spline in _smooth_parts(crank, values):
-        steps[part.start : part.stop - 1] = np.diff(spline.antiderivative()(crank[part]))
+    for part, smooth in _smooth_parts(crank, values[:, None]):
+        steps[part.start : part.stop - 1] = smooth.areas()[:, 0]
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _smooth_parts(crank: Array, values: Array) -> list[tuple[slice, Any]]:
+def _smooth_parts(crank: Array, values: Array) -> list[tuple[slice, _Polynomials]]:
     """Interpolates values between corners and jumps, which have a crank angle on either side."""
     cuts = [0, *(np.flatnonzero(np.diff(crank) < SAME) + 1).tolist(), len(crank)]
     parts = [slice(*pair) for pair in itertools.pairwise(cuts) if pair[1] - pair[0] > 1]
-    return [
-        (
-            part,
-            make_interp_spline(
-                crank[part], values[part], min(_DEGREE, part.stop - part.start - 1)
-            ),
-        )
-        for part in parts
-    ]
+    return [(part, _Polynomials(crank[part], values[part])) for part in parts]

@@ -18,7 +18,6 @@ from matplotlib.lines import Line2D
 
 from linkage_lab.charts.linkage_picture import WIDE, LinkagePicture, proportion
 from linkage_lab.command_line import QUANTITIES
-from linkage_lab.flywheel import size_flywheel
 from linkage_lab.output import (
     NUMBERS,
     TEXT,
@@ -131,6 +130,8 @@ def motion(options: argparse.Namespace) -> None:
             remarks = [*title[1:], f'mean power {rounded(period.mean_power)} W',
                        f'drawn at crank angle {angle:.4g} deg']  # fmt: skip
         if options.fluctuation is not None:
+            from linkage_lab.flywheel import size_flywheel  # needs SciPy
+
             motor = getattr(designs[0].drive, 'motor', None)
             flywheel = pictures(options, f'{names[0]}_flywheel', *options.params)
             lines += size_flywheel(period, motor, options.fluctuation, names[0], flywheel)
