@@ -191,10 +191,12 @@ def chart(
     """
     # Imported here, so that programs without charts, such as sweep workers, skip matplotlib.
     from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     with rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, height), dpi=DPI, layout=layout)
+        FigureCanvasAgg(figure)  # keeps what measures texts, which would be made for each of them
         figure.suptitle(title)
         yield figure
         for path in pictures.paths:

@@ -7,6 +7,7 @@ import io
 import itertools
 import json
 import math
+import os
 import re
 import sys
 from contextlib import redirect_stdout
@@ -410,6 +411,24 @@ def test_movie_frames_are_evenly_spaced_in_time(tmp_path, monkeypatch, called, p
     time = elapsed(period.crank, speed)[samples]
     apart, sample = way * np.diff(time), np.diff(period.crank).max() / speed.min()
     assert apart == pytest.approx(apart.mean(), abs=2 * sample)
+
+
+@pytest.mark.parametrize('works', [True, False])
+def test_ffmpeg_gets_all_pictures(tmp_path, monkeypatch, called, works):
+    monkeypatch.setattr(movie, '_SECONDS', 0.2)
+    monkeypatch.setenv('PATH', f'{tmp_path}:{os.environ["PATH"]}')
+    program = tmp_path / 'ffmpeg'
+    does = 'for last; do :; done; echo "$* $(wc -c)" > "$last"' if works else 'echo no >&2; exit 1'
+    program.write_text(f'#!/bin/sh\n{does}\n')
+    program.chmod(0o755)
+    code, _, error = called(command_line, 'movie', 'quadrilateral', tmp_path / 'made.mp4')
+    assert code == (0 if works else 2)
+    if not works:
+        assert 'cannot be written: no' in error
+        return
+    words = (tmp_path / 'made.mp4').read_text().split()
+    wide, high = map(int, words[words.index('-s') + 1].split('x'))
+    assert int(words[-1]) == 4 * wide * high * 3
 
 
 def test_several_mechanisms_are_drawn_side_by_side_with_one_table(tmp_path, called):

@@ -44,6 +44,7 @@ class LinkagePicture:
     """A drawing of a mechanism with its pins, their paths over a period, and a scale bar.
 
     Attributes:
+        moving: What `move` changes, from below to above.
         taken: Boxes of the names of pins, of the pins and of the scale, points.
     """
 
@@ -93,6 +94,7 @@ class LinkagePicture:
         axes.margins(0.08)
         axes.set_axis_off()
         axes.apply_aspect()
+        self.moving = [*self._links.values(), self._pins, *self._names]
         self._points_per_pixel = 72 / axes.figure.dpi  # per pixel
         corners = [text.get_window_extent().get_points() for text in (unit, *self._names)]
         self._unit, *self._sizes = (Bbox(self._points_per_pixel * corner) for corner in corners)

@@ -4,13 +4,17 @@
 
 import argparse
 import math
+import shutil
+import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.animation import FFMpegWriter, PillowWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 
 from linkage_lab.charts.linkage_picture import WIDE, LinkagePicture, proportion
 from linkage_lab.movie_page import movie_page
@@ -32,8 +36,8 @@ _SECONDS = 3.0  # duration of a crank turn in the movie
 _RATE = 20  # frames per second
 # Inches, of a film with linkage and torque side by side, and one below the other; pixels per inch.
 _SIZE, _HIGH, _DPI = (8.0, 4.2), (8.0, 5.4), 90
+_NEARLY_WHITE = 252  # of 255
 _PACES = 4  # slower, and faster, playing speeds on a page
-_WRITERS: dict[str, Any] = {'.gif': PillowWriter, '.mp4': FFMpegWriter}
 
 
 def movie(options: argparse.Namespace) -> None:
@@ -49,8 +53,9 @@ def movie(options: argparse.Namespace) -> None:
     path = options.out
     design = load(options.params)
     period, (name, about, speed, *_) = period_to_show(options.params, design, options.rpm)
-    writer, is_page = _WRITERS.get(path.suffix), path.suffix == '.html'
-    if not is_page and not (writer and writer.isAvailable()):
+    if not (
+        path.suffix in {'.html', '.gif'} or (path.suffix == '.mp4' and shutil.which('ffmpeg'))
+    ):
         raise ConfigurationError(
             f'{path}: must end with .html, .gif or, with ffmpeg installed, .mp4'
         )
@@ -60,7 +65,7 @@ def movie(options: argparse.Namespace) -> None:
     pace = float(period.time[-1]) / (_SECONDS * period.turns)
     words = f'{about}, {speed}'
     with folder(path.parent):
-        if is_page:
+        if path.suffix == '.html':
             series = [digit * 10.0**k for k in range(-9, 10) for digit in (1, 2, 5)]
             nearest = min(range(len(series)), key=lambda i: abs(math.log(series[i] / pace)))
             paces = sorted({1.0, *series[nearest - _PACES : nearest + _PACES + 1]})
@@ -70,7 +75,8 @@ def movie(options: argparse.Namespace) -> None:
             path.write_text(page, encoding='utf-8')
         else:
             words = f'{words}, {_slower(pace)}'
-            _film(period, name, words, writer, path)
+            save = _save_gif if path.suffix == '.gif' else _save_mp4
+            save(_film(period, name, words), path)
     print(*doubts(design), f'{name}, {words}', path, sep='\n')
 
 
@@ -82,8 +88,8 @@ def _slower(pace: float) -> str:
     return f'{float(factor):g} times {"faster" if pace > 1 else "slower"}'
 
 
-def _film(period: Period, name: str, words: str, writer: Any, path: Path) -> None:
-    """Draws the moving mechanism, and its torque up to the current crank angle."""
+def _film(period: Period, name: str, words: str) -> Iterator[Image.Image]:
+    """Yields pictures of the moving mechanism, and its torque up to the current crank angle."""
     samples, positions = _frames(period), period.rows('position')
     marks, torque = period.marks, period.columns[period.effort].values
     with rc_context(STYLE):
@@ -91,6 +97,7 @@ def _film(period: Period, name: str, words: str, writer: Any, path: Path) -> Non
         if proportion(period.drawing, positions) > WIDE:
             size, places = _HIGH, ((0.04, 0.47, 0.92, 0.4), (0.1, 0.11, 0.87, 0.32))
         figure = Figure(figsize=size, dpi=_DPI)
+        canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
         figure.text(0.02, 1 - 0.25 / size[1], name, weight='bold', fontsize=TEXT)
         figure.text(0.02, 1 - 0.48 / size[1], words)
         linkage, axes = map(figure.add_axes, places)
@@ -102,13 +109,49 @@ def _film(period: Period, name: str, words: str, writer: Any, path: Path) -> Non
         (dot,) = axes.plot([], [], 'o', color=fractions(DARK), markersize=5)
         over(axes, marks, period.effort_title, 4)
         axes.set_xlabel(f'{period.across.name}, {period.across.unit}')
-        saved = writer(fps=_RATE)
-        with saved.saving(figure, path, _DPI):
-            for sample in progress(samples, 'frames'):
-                picture.move(positions[sample])
-                drawn.set_data(marks[: sample + 1], torque[: sample + 1])
-                dot.set_data(marks[sample : sample + 1], torque[sample : sample + 1])
-                saved.grab_frame()
+        # Only what moves is drawn again for each picture.
+        moving = [*picture.moving, drawn, dot]
+        for artist in moving:
+            artist.set_animated(True)
+        canvas.draw()
+        still = canvas.copy_from_bbox(figure.bbox)
+        for sample in progress(samples, 'frames'):
+            canvas.restore_region(still)
+            picture.move(positions[sample])
+            drawn.set_data(marks[: sample + 1], torque[: sample + 1])
+            dot.set_data(marks[sample : sample + 1], torque[sample : sample + 1])
+            for artist in moving:
+                figure.draw_artist(artist)
+            yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+
+
+def _save_gif(pictures: Iterator[Image.Image], path: Path) -> None:
+    """Saves an animation with the colours of its first picture."""
+    first = next(pictures).quantize(method=Image.Quantize.FASTOCTREE)
+    # The mean of a cell of colours with white in it is not white.
+    first.putpalette([255 if part > _NEARLY_WHITE else part for part in first.getpalette() or ()])
+    rest = [picture.quantize(palette=first, dither=Image.Dither.NONE) for picture in pictures]
+    first.save(
+        path, format='GIF', save_all=True, append_images=rest, duration=1000 // _RATE, loop=0
+    )
+
+
+def _save_mp4(pictures: Iterator[Image.Image], path: Path) -> None:
+    """Saves a film with ffmpeg.
+
+    Raises:
+        OSError: ffmpeg failed.
+    """
+    first = next(pictures)
+    given = '-f', 'rawvideo', '-pix_fmt', 'rgb24', '-s', '{}x{}'.format(*first.size)
+    made = '-pix_fmt', 'yuv420p', '-f', 'mp4', '-y'
+    done = subprocess.run(  # noqa: S603
+        ['ffmpeg', '-loglevel', 'error', *given, '-r', str(_RATE), '-i', '-', *made, path],  # noqa: S607
+        input=first.tobytes() + b''.join(x.tobytes() for x in pictures),
+        stderr=subprocess.PIPE, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        raise OSError(done.stderr.decode(errors='replace').strip())
 
 
 def _frames(period: Period) -> list[int]:
