@@ -16,6 +16,8 @@ from mechanisms import MOVING_GUIDES, SEVERAL_FORCES, coordinates
 from test_rerun_connection import read, run_of, show
 
 from linkage_ros.mechanism.axes import axes_of
+from linkage_ros.mechanism.drawing import Drawing as DrawnMachine
+from linkage_ros.mechanism.drawing import DrawnLink, DrawnSlide
 from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.loads.force import Force
 from linkage_ros.mechanism.loads.friction import Friction
@@ -117,6 +119,47 @@ def test_components_have_the_types_that_rerun_draws(drawn):
     for column in columns:
         name = column.component_descriptor().component
         assert drawn.found[MOVING][f'{name} type'] == str(column.as_arrow_array().type)
+
+
+PINS = {'O': (0, 0), 'A': (3, 2), 'Q': (10, 0), 'T': (13, 6), 'R': (4, -5)}
+FOUR = {'crank': 'OA', 'rod': 'AB', 'rocker': 'QB'}
+SLOTS = {
+    'in a lever': (
+        PINS, 'OQ', {'crank': 'OA', 'lever': 'QT'}, DrawnSlide('block', (6, -3), 'A', on='lever')),
+    'on a turning block': (
+        PINS, 'OQ', {'crank': 'OA', 'rod': 'AT'}, DrawnSlide('block', (7, 1), 'Q', on='rod')),
+    'in a dyad': (
+        {**PINS, 'B': (9, 4)}, 'OQR', {**FOUR, 'arm': 'RT'},
+        DrawnSlide('block', (5, 8), 'B', on='arm')),
+    'in the rod of a dyad': (
+        {**PINS, 'B': (9, 4), 'S': (6, 7)}, 'OQR', {**FOUR, 'arm': 'RS'},
+        DrawnSlide('block', (6, 3), 'S', on='rod')),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(('pins', 'frame', 'links', 'block'), SLOTS.values(), ids=SLOTS)
+def test_a_block_is_drawn_at_its_pin_and_its_slot_through_it(pins, frame, links, block):
+    used = {*frame, block.pin, *''.join(links.values())}
+    places = {name: place for name, place in pins.items() if name in used}
+    sheet = DrawnMachine(
+        input='crank', frame=[*frame], pins=places, slides=[block],
+        links=[DrawnLink(name, [*of]) for name, of in links.items()],
+    )  # fmt: skip
+    mechanism = sheet.mechanism()
+    solver, drawing = Solver(mechanism), Drawing(mechanism)
+    start = mechanism.drawn.position
+    for place in (start, start + 0.2, start - 0.2):
+        state = solver.state(place)
+        lines = drawing.links(drawing.place(np.array(state.position)[np.newaxis]))
+        corners, slot = (lines[name][0] @ (1, 1j) for name in ('block', block.on))
+        pin = complex(*solver.point(state, block.pin).position)
+        assert corners[:4].mean() == pytest.approx(pin, abs=1e-9)
+        way = corners[0] - corners[1]
+        near, far = (slot[-2:] - pin) / way
+        assert abs(near.imag) + abs(far.imag) < 1e-9
+        assert near.real * far.real < 0
+        if place == start:
+            assert (way / complex(*block.direction)).imag == pytest.approx(0.0, abs=1e-12)
 
 
 def test_pins_are_where_the_solver_puts_them(drawn):
@@ -379,9 +422,11 @@ def test_blocks_and_barrels_turn_with_their_guides(name):
         pin = point.fixed + np.array(point.weights) @ np.exp(1j * position)
         line = (lines[link.name][0] @ (1, 1j) - pin) / way  # in the axes of the guide
         if link.name.endswith('slider'):
-            assert abs(line[[0, 5]].imag).max() < 1e-9
-            assert line[0].real < 0 < line[5].real
-            assert abs(line[[2, 3, 7, 8]].sum()) < 1e-9  # the corners of the block
+            carrier = lines[structure.links[link.parent].name][0] @ (1, 1j)
+            start, end = (carrier[-2:] - pin) / way
+            assert abs(start.imag) + abs(end.imag) < 1e-9
+            assert start.real < 0 < end.real
+            assert abs(line[:4].sum()) < 1e-9  # the corners of the block
         else:  # from the mouth of the barrel to the pin
             assert abs(line[:2].imag).max() < 1e-9
             assert line[1] == pytest.approx(0.0, abs=1e-9)

@@ -21,12 +21,13 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from mechanisms import FOLLOWED, SEVERAL_FORCES
+from pages import block, read
 from PIL import Image, ImageSequence
 from ros_harness import assert_refused
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from linkage_lab import command_line, export, output
-from linkage_lab.charts import accuracy, movie
+from linkage_lab.charts import accuracy, motion, movie
 from linkage_lab.charts.linkage_picture import LinkagePicture
 from linkage_lab.charts.motion import DESIGN_COLORS, _driven_by_loads
 from linkage_lab.command_line import QUANTITIES
@@ -243,6 +244,25 @@ def test_names_in_a_movie_do_not_overlap(preset):
     period, _ = period_to_show(preset, load(preset), None)
     for boxes in names_in_a_movie(period, 8.0, (0.02, 0.06, 0.5, 0.78)):
         assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+
+
+@pytest.mark.parametrize('name', ['first.yaml', 'quick_return.yaml', 'scissors.yaml'])
+def test_a_drawing_is_shown_as_it_is_drawn(name, called, tmp_path, monkeypatch):
+    shown = []
+
+    class Picture(LinkagePicture):
+        def __init__(self, axes, drawing, positions, now):
+            shown.append(now)
+            super().__init__(axes, drawing, positions, now)
+
+    monkeypatch.setattr(motion, 'LinkagePicture', Picture)
+    file = tmp_path / name
+    file.write_text(block(read('docs/drawings.md'), f'# {name}\n'))
+    assert called(command_line, 'motion', file, '--out', tmp_path)[0] == 0
+    mechanism = load(str(file)).mechanism
+    drawn = Solver(mechanism).state(mechanism.drawn.position).position
+    ((now,),) = shown
+    assert now == pytest.approx(drawn, abs=0.02)  # half a degree of the crank
 
 
 def test_names_of_pins_at_the_edge_are_whole():

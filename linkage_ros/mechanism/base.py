@@ -46,12 +46,15 @@ class Drawn(NamedTuple):
         points: Names of its pins, each with that in the mechanism's class, such as ('B', 'knee').
         crank_angle: Crank angle in the drawing, rad.
         position: Position of the driven link in the drawing, rad or m.
+        block: Name of the link of the loop that is a block in a slot of another; empty if there
+            is none, as in the loop of a cylinder.
     """
 
     links: tuple[str, ...]
     points: tuple[tuple[str, str], ...]
     crank_angle: float
     position: float
+    block: str = ''
 
 
 @dataclass(frozen=True)

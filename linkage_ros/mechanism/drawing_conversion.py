@@ -259,7 +259,7 @@ class Conversion:
         crank, second, third = base.bodies
         self.origin = self.at[A0]
         self.at = {name: place.minus(self.origin) for name, place in self.at.items()}
-        names = {'A0': A0, 'A': A}
+        names, block = {'A0': A0, 'A': A}, ''
         self.turn(crank, A0, A)
         if base.kind is FourBar:
             B, B0 = rest
@@ -303,9 +303,11 @@ class Conversion:
             if self.drawing.input != crank.name:
                 parts['input'] = CYLINDER
                 position = over_root(way.dot(arm), way.dot(way))
+            slides = {slide.name for slide in self.drawing.slides}
+            block = next((x.name for x in (second, third) if x.name in slides), '')
         drawn = Drawn(
             tuple(body.name for body in base.bodies), tuple(names.items()), self.at[A].angle,
-            position,
+            position, block,
         )  # fmt: skip
         kind = cast('Any', base.kind)
         return self.in_assembly(kind, closing, crank=self.body(crank), drawn=drawn, **parts)

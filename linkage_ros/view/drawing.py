@@ -29,11 +29,10 @@ _MARK, _SCALE = 0.04, 0.25
 _PIVOT_HEIGHT = 1.4  # height of a pivot's symbol with its ground, marks
 # Distance of a label from a pin, and from the pin of a slider's block; height of a label; marks.
 _LABEL_DISTANCE, _LABEL_BEYOND_BLOCK, _LABEL_HEIGHT = 1.5, 1.9, 1.4
-# Corners of a block and midpoints of its sides, marks; their order along the lines of a block,
-# also of one on a guide that ends at the corners 7 and 8; and how far the guide exceeds the
-# stroke, marks.
+# Corners of a block and midpoints of its sides, marks; their order along its outline; the numbers
+# of the ends of its guide; and how far the guide exceeds the stroke, marks.
 _BLOCK = np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j, 1, -1, -0.6j])
-_OUTLINE, _ON_A_ROD = (0, 1, 2, 3, 0), (7, 5, 1, 0, 4, 8, 4, 3, 2, 5)
+_OUTLINE, _GUIDE = (0, 1, 2, 3, 0), (7, 8)
 _BEYOND = 1.6
 _STEPS_PER_TURN = 360
 _BEFORE_END = 1e-9  # distance from the ends of an arc or of a dyad's reach, relative to its length
@@ -71,7 +70,8 @@ class Drawing:
         unnamed: The mouth of a barrel in a drawing, which has no pin there; else ''.
         pins: Names of the moving points, in the order in which `place` returns them.
         ends: Both pins of each link that turns, and of the rod of a cylinder, whose other end is
-            the mouth of its barrel; in the order of `joints`.
+            the mouth of its barrel; a link with a slot ends where the slot ends. In the order of
+            `joints`.
         owners: Names of the links that own the moving points, by point; the path of a point has
             the colour of its owner. Points on the circle of the crank pin have no owner.
         loaded: Names of the arrows of the loads; see `LoadArrows`.
@@ -97,7 +97,9 @@ class Drawing:
         self._links = structure.links
         self.joints = tuple(link.name for link in self._links)
         self.colors = colors_of(self.joints)
-        self.unnamed = structure.mouth if mechanism.drawn else ''
+        self._block = mechanism.drawn.block if mechanism.drawn else ''
+        self._has_slots = mechanism.drawn is not None  # a cylinder of a drawing is no dyad
+        self.unnamed = structure.mouth if mechanism.drawn and not self._block else ''
         self.turning = tuple(link.name for link in self._links if not link.slides)
         self.positions = positions = _reach(mechanism, crank_angle)
         self._find_points(structure, positions)
@@ -121,6 +123,8 @@ class Drawing:
         # A dyad's end at a pin of its carrier is that pin.
         self._names = _names_of_places(structure, positions)
         points = {x: point for x, point in structure.points.items() if x == self._names[point]}
+        if self._block:
+            points.pop(structure.mouth, None)
         self.pins = tuple(name for name, point in points.items() if any(point.weights))
         self.pivot_names = tuple(name for name in points if name not in self.pins)
         self._weights = np.array([points[name].weights for name in self.pins])
@@ -139,15 +143,22 @@ class Drawing:
         self.ends = dict(zip(self.turning, pairwise(loop), strict=False))
         # The owner of a pin between two links is the later link.
         self.owners = dict(zip(loop[2:], self.joints[2 : last + 1], strict=False))
-        if output.slides and not output.is_guided:
-            barrel, mouth = self._links[cast('int', output.parent)].name, structure.mouth
-            pivot = next(pin.name for pin in structure.pins if pin.second == output.parent)
-            self.ends |= {barrel: (pivot, mouth), output.name: (mouth, loop[-1])}
-            self.owners[mouth] = barrel
-            loop.append(mouth)
-        # The pin of each slider, and the mouth of the barrel of each dyad's rod.
+        # The pin of each block, by the index of its link, and the mouth of the barrel of each
+        # dyad's rod.
         self._blocks = {last: loop[-1]} if output.is_guided else {}
         self._mouths = dict[int, str]()
+        # The pivot and the other pin of pairs whose direction these give, by the index of the
+        # barrel or of the link with the slot.
+        self._pairs = dict[int, tuple[str, str]]()
+        if output.slides and not output.is_guided:
+            barrel, mouth = cast('int', output.parent), structure.mouth
+            pivot = next(pin.name for pin in structure.pins if pin.second == barrel)
+            if self._block:
+                self._add_slot(last, pivot, loop[-1])
+            else:
+                self.ends |= {self.joints[barrel]: (pivot, mouth), output.name: (mouth, loop[-1])}
+                self.owners[mouth] = self.joints[barrel]
+                loop.append(mouth)
         asides = self._add_dyads(structure)
         known = {*loop, *asides, *self.owners}
         for name in self.pins:
@@ -194,9 +205,13 @@ class Drawing:
             first, last = self.joints[j - 1], self.joints[j]
             start, joint, *others = (self._names[structure.points[x]] for x in dyad.pins)
             if self._links[j].slides and self._links[j].parent == j - 1:
-                mouth, pivot = f'mouth of {first}', joint  # a barrel has no joint
-                self._mouths[j] = mouth
-                self.ends |= {first: (pivot, mouth), last: (mouth, start)}
+                pivot = joint  # a barrel has no joint
+                if self._has_slots:
+                    self._add_slot(j, pivot, start)
+                else:
+                    self._mouths[j] = mouth = f'mouth of {first}'
+                    self._pairs[j - 1] = pivot, start
+                    self.ends |= {first: (pivot, mouth), last: (mouth, start)}
                 carried_ends = {j - 1: pivot}  # by the index of the dyad's link
             else:
                 self.owners[joint] = last
@@ -206,7 +221,7 @@ class Drawing:
                 (end,) = others
                 self.ends[last] = end, joint
                 carried_ends[j] = end
-            elif j not in self._mouths:
+            elif j - 1 not in self._pairs:
                 self._blocks[j] = joint
             for link, end in carried_ends.items():
                 carrier = self._links[link].parent
@@ -215,12 +230,26 @@ class Drawing:
                     carriers[end] = self.joints[carrier]
         return carriers
 
+    def _add_slot(self, j: int, pivot: str, pin: str) -> None:
+        """Adds a link that turns about a pivot, and link j, which slides on it and has a pin.
+
+        Link j is a block in a slot of the other, or the other is a block on link j.
+        """
+        turning, sliding = self.joints[j - 1 : j + 1]
+        self._pairs[j - 1] = pivot, pin
+        if self._block == turning:
+            self._blocks[j - 1] = pivot
+            self.ends[sliding] = f'{j - 1} {_GUIDE[-1]}', pin
+        else:
+            self._blocks[j] = pin
+            self.ends[turning] = pivot, f'{j} {_GUIDE[-1]}'
+
     def _hidden(self, mechanism: Mechanism, positions: Array) -> dict[str, '_Corner']:
         """Places the corners that are no points of the structure.
 
-        They are the mouths of dyads' barrels and, for each slider, named by its index and a
-        number, the four corners of its block, the midpoints of three of the block's sides and,
-        if its guide moves, the ends of the guide.
+        They are the mouths of dyads' barrels and, for each block, named by the index of its link
+        and a number, its four corners, the midpoints of three of its sides and, if its guide
+        moves, the ends of the guide.
         """
         structure, found = mechanism.structure(), dict[str, _Corner]()
         for j, name in self._mouths.items():
@@ -233,15 +262,19 @@ class Drawing:
             axis = cmath.rect(1.0, guide or 0.0)
             block = self._mark * axis * _BLOCK
             found |= {f'{j} {i}': _Corner(pin, x, spin) for i, x in enumerate(block.tolist())}
-            link = self._links[j]
+            link, room = self._links[j], _BEYOND * self._mark
             if link.parent is not None:
                 (spin, above), stroke = axes_of(self._links, link.parent), positions[:, j]
                 start = self._names[structure.point_of(link.parent, (0.0, 0.0))]
-                room = _BEYOND * self._mark
-                ends = stroke.min() - room, stroke.max() + room
-                for i, end in enumerate(ends, len(block)):
-                    arm = link.origin + cmath.rect(end, link.angle)
-                    found[f'{j} {i}'] = _Corner(start, arm * cmath.rect(1.0, above or 0.0), spin)
+                ends = [link.origin + cmath.rect(x, link.angle) for x in _beyond(stroke, room)]
+                ends = [end * cmath.rect(1.0, above or 0.0) for end in ends]
+            elif j in self._pairs:  # the guide is on the link that slides in this one
+                (_, start), rod = self._pairs[j], self._links[j + 1]
+                ends = [-x - rod.origin for x in _beyond(positions[:, j + 1], room)]
+            else:
+                continue
+            for i, end in zip(_GUIDE, ends, strict=True):
+                found[f'{j} {i}'] = _Corner(start, end, spin)
         spins = {corner.spin for corner in found.values() if corner.spin is not None}
         self._turned = {j: self._axis_of(j, mechanism) for j in spins}
         return found
@@ -251,17 +284,11 @@ class Drawing:
 
         Returns:
             The names of the points, the vector from the first to the second in the axes of the
-            link, m, and the offset of a dyad's barrel, m, instead of this vector; else None.
+            link, m, and the offset of a sliding pair, m, instead of this vector; else None.
         """
         structure, name = mechanism.structure(), self.joints[j]
-        rod = next((k for k in self._mouths if k == j + 1), None)
-        if rod is not None:
-            return (
-                self.ends[name][0],
-                self.ends[self.joints[rod]][1],
-                0j,
-                self._links[rod].origin.imag,
-            )
+        if j in self._pairs:
+            return *self._pairs[j], 0j, self._links[j + 1].origin.imag
         start = self._names[structure.point_of(j, (0.0, 0.0))]
         (end,) = (x for x in self.ends[name] if x != start)
         one, other = (structure.points[x].weights[j] for x in (start, end))
@@ -281,15 +308,21 @@ class Drawing:
         sides += [side[::-1] for side in sides]
         distances = np.full((len(self.pins), 1), _LABEL_DISTANCE)
         for j, pin in self._blocks.items():
-            first, number = names.index(f'{j} 0'), self.pins.index(pin)
-            outline = _OUTLINE if self._links[j].is_guided else _ON_A_ROD
-            corners = [first + i for i in outline]
+            first, number = names.index(f'{j} 0'), names.index(pin)
+            corners = [first + i for i in _OUTLINE]
             for point in (x for x, owner in asides.items() if owner == self.joints[j]):
+                corners += [first + 4] * (len(corners) == len(_OUTLINE))  # then along a side
                 corners += [number, names.index(point)]
                 sides += [(number, corners[-1]), (corners[-1], number)]
             self._corners[self.joints[j]] = corners
             sides += [(number, corner) for corner in range(first + 4, first + 7)]
-            distances[number] = _LABEL_BEYOND_BLOCK
+            if pin in self.pins:
+                distances[number] = _LABEL_BEYOND_BLOCK
+        for j in self._blocks:
+            carrier = j + 1 if j in self._pairs else self._links[j].parent
+            if carrier is not None:
+                guide = [names.index(f'{j} {i}') for i in _GUIDE]
+                self._corners[self.joints[carrier]] += guide
         ways = [[end for start, end in sides if start == pin] for pin in range(len(self.pins))]
         most = max(map(len, ways))
         self._ways, self._distances = [(way * most)[:most] for way in ways], self._mark * distances
@@ -313,7 +346,8 @@ class Drawing:
 
         Returns:
             Lines of shape (n, k, 2), m, by the name of the link: its two pins and a triangle
-            with each further point, or the block of a slider with a line to each further point.
+            with each further point, or the block of a slider with a line to each further point;
+            then the guides on it.
         """
         corners = self._all_corners(points)
         return {link: corners[:, shape] for link, shape in self._corners.items()}
@@ -502,6 +536,11 @@ def _round_below(length: float) -> float:
     """Rounds down to 1, 2 or 5 times a power of ten."""
     decade = 10.0 ** math.floor(math.log10(length))
     return max(digit * decade for digit in (1.0, 2.0, 5.0) if digit * decade <= length)
+
+
+def _beyond(stroke: Array, room: float) -> tuple[float, float]:
+    """Returns the ends of a guide, which exceeds the stroke at both ends, m."""
+    return float(stroke.min()) - room, float(stroke.max()) + room
 
 
 def _rail(path: Complex, axis: complex, size: float) -> list[Array]:

@@ -55,7 +55,7 @@ _TALLEST, _LINKAGE, _ABOVE, _ROW, _GAP, _FOOT, _LINE, _ROWS = (
 _MARGIN, _LEFT_OF_TEXT, _TABLE = 1.05, 4.3, 5.4
 _CHARACTER = 0.071  # width of a character of the table
 _SINGLE = 6  # most diagrams in one column
-_DRAWN_AT = 45.0  # crank angle of the drawing, deg, at which links rarely overlap
+_SHOWN_AT = 45.0  # crank angle of the picture without a drawing, deg; links rarely overlap there
 _TITLES = {'deg': 'Direction', 'rad/s': 'Rate', 'rad/s\u00b2': 'Acceleration'}
 _FORCES: dict[str, Color] = {
     'guide': BLACK, 'force.x': BLACK, 'force.y': DARK, 'moment': BLACK, 'power': BLACK,
@@ -126,9 +126,8 @@ def motion(options: argparse.Namespace) -> None:
             rows = zip(*(values.tolist() for _, values in columns.values()), strict=True)
             save_csv(table, head, ([None if x != x else x for x in row] for row in rows))
             lines = [', '.join(title)]
-            angle = math.degrees(period.crank_angles[_drawn(period)])
             remarks = [*title[1:], f'mean power {rounded(period.mean_power)} W',
-                       f'drawn at crank angle {angle:.4g} deg']  # fmt: skip
+                       f'shown at {_place(period)}']  # fmt: skip
         if options.fluctuation is not None:
             from linkage_lab.flywheel import size_flywheel  # needs SciPy
 
@@ -251,7 +250,7 @@ def _draw_motion(
                 (i + 0.03) * share, 1 - (linkage - 0.05) / height, 0.94 * share,
                 (linkage - 0.5) / height,
             ))  # fmt: skip
-            positions, now = period.rows('position'), _drawn(period)
+            positions, now = period.rows('position'), _shown(period)
             LinkagePicture(axes, period.drawing, positions, positions[now : now + 1])
             figure.text(
                 (i + 0.5) * share, 1 - 0.12 / height, textwrap.shorten(name, 40), va='top',
@@ -291,11 +290,28 @@ def _draw_motion(
         )  # fmt: skip
 
 
-def _drawn(period: Period) -> int:
-    """Returns the index of the sample at which the mechanism is drawn."""
-    crank = period.crank_angles
-    apart = np.exp(1j * crank) - cmath.rect(1.0, math.radians(_DRAWN_AT))
+def _shown(period: Period) -> int:
+    """Returns the index of the sample at which the mechanism is shown, the nearest to its drawing.
+
+    A mechanism without a drawing is shown at a crank angle at which links rarely overlap.
+    """
+    drawn = period.solver.mechanism.drawn
+    if drawn is None:
+        apart = np.exp(1j * period.crank_angles) - cmath.rect(1.0, math.radians(_SHOWN_AT))
+    elif period.driven.slides:
+        apart = period.crank - drawn.position
+    else:
+        turns = period.solver.reach.period_turns
+        apart = np.exp(1j * (period.crank - drawn.position) / turns) - 1.0
     return int(np.abs(apart).argmin())
+
+
+def _place(period: Period) -> str:
+    """Describes the position at which the mechanism is shown."""
+    place = float(period.crank[_shown(period)])
+    if period.driven.slides:
+        return f'{period.driven.name} {place:.4g} m'
+    return f'{period.driven.name} {math.degrees(place):.4g} deg'
 
 
 def _wrapped(text: str, width: int) -> str:

@@ -487,19 +487,18 @@ def _name(
 
 
 def _dimensions(sketched: Sketched, drawing: Drawing, shown: dict[str, Array]) -> Iterator[_Label]:
-    """Yields the lengths of the sides of the links that turn."""
-    structure = sketched.solver.structure
-    for link, ends in drawing.ends.items():
-        if sketched.solver.structure.links[drawing.joints.index(link)].slides:
-            continue
+    """Yields the distances of pins that are joined by a side of a link that turns."""
+    structure, (places,) = sketched.solver.structure, drawing.place(sketched.positions)
+    # A barrel ends at its mouth, where there is no pin.
+    names = [name for name in drawing.pins if name != structure.mouth]
+    pins = [*drawing.pivots, *(places[drawing.pins.index(name)] for name in names)]
+    for link in drawing.turning:
         (line,) = shown[link]
-        corners = (line @ (1, 1j)).tolist()
-        # A barrel ends at its mouth, where there is no pin.
-        is_barrel = ends[1] not in structure.points or ends[1] == structure.mouth
         done = set[tuple[complex, complex]]()
-        for start, end in itertools.pairwise(corners):
-            touches_mouth = is_barrel and corners[1] in {start, end}
-            if (end, start) in done or start == end or touches_mouth:
+        for side in itertools.pairwise(line):
+            start, end = (complex(*corner) for corner in side)
+            is_of_pins = all(any((corner == pin).all() for pin in pins) for corner in side)
+            if start == end or (end, start) in done or not is_of_pins:
                 continue
             done.add((start, end))
             yield _Label(
