@@ -169,26 +169,40 @@ class _Copy:
             mcap.add_metadata(content)
 
     def _take_chunk(self, data: bytes) -> None:
+        """Copies the channels of a chunk and its messages, unless their channels are unknown.
+
+        Args:
+            data: The uncompressed records.
+
+        Raises:
+            LogError: The new log cannot be written.
+            ValueError: A record is damaged. Damaged data may raise other exceptions.
+        """
         if not data:
             return
-        new, starts = self._new.mcap, [0, *(end for _, _, _, end in records(data))]
-        heads, sizes = message_heads(data, starts[:-1]), np.diff(starts)
-        channels, is_message = heads['channel'], heads['opcode'] == Opcode.MESSAGE
+        new, starts = self._new.mcap, [0, *(end for *_, end in records(data))]
+        heads = message_heads(data, starts[:-1])
+        is_message = heads['opcode'] == Opcode.MESSAGE
         if (heads['time'][is_message] >= TIME_END).any():  # readers would refuse the log
             raise ValueError('a time is too large')
         for i in np.flatnonzero(~is_message):
             new.declare(parsed(data[starts[i]], data[starts[i] + HEAD.size : starts[i + 1]]))
-        numbers = dict.fromkeys(channels[is_message].tolist())
+        numbers = list(dict.fromkeys(heads['channel'][is_message].tolist()))  # in order of use
         for number in numbers:
-            while self._spare and number not in new.channels:
-                new.declare(self._spare.pop(0))
-        kept = is_message & np.isin(channels, [*new.channels])
-        self._unknown += int(is_message.sum() - kept.sum())
-        places = new.position + np.cumsum(sizes * kept) - sizes
-        entries = np.column_stack([heads['time'], places.astype(np.uint64)])
-        index = {n: entries[kept & (channels == n)] for n in numbers if n in new.channels}
-        if not kept.all():
-            spans = compress(pairwise(starts), kept.tolist())
+            self._declare_spare(number)
+        is_kept = is_message & np.isin(heads['channel'], [*new.channels])
+        self._unknown += int(is_message.sum() - is_kept.sum())
+        if not is_kept.all():
+            spans = compress(pairwise(starts), is_kept.tolist())
             data = b''.join(data[start:end] for start, end in spans)
-        new.add_records(data, heads['time'][kept], index)
+        kept, sizes = heads[is_kept], np.diff(starts)[is_kept]
+        offsets = new.position + np.cumsum(sizes) - sizes
+        entries = np.column_stack([kept['time'], offsets.astype(np.uint64)])
+        index = {n: entries[kept['channel'] == n] for n in numbers if n in new.channels}
+        new.add_records(data, kept['time'], index)
         new.flush()
+
+    def _declare_spare(self, number: int) -> None:
+        """Declares records of the summary until they include the channel with this number."""
+        while self._spare and number not in self._new.mcap.channels:
+            self._new.mcap.declare(self._spare.pop(0))
