@@ -12,7 +12,7 @@ import cmath
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,20 @@ _INSIDE = 1e-9  # distance from the ends of an arc of the loop, relative to the 
 _LEAST = 1e-9  # a margin below this part of the dyad's size is that of a dyad in line
 _BISECTIONS = 60
 _PARTS, _ROUNDS = 8, 12  # each round divides an interval into this number of parts
+
+
+class _Worst(NamedTuple):
+    """The sample at which a dyad is closest to not closing or, if it closes nowhere, to closing.
+
+    Attributes:
+        crank: Crank angle, rad, or position of a driven slide, m.
+        margin: Smallest margin of the dyad there, m; negative if it does not close.
+        index: Index of this margin in `margins` of the dyad.
+    """
+
+    crank: float
+    margin: float
+    index: int
 
 
 def reach_of(mechanism: Any) -> Reach | None:
@@ -62,11 +76,10 @@ def reach_of(mechanism: Any) -> Reach | None:
         arcs, worst = _closed_arcs(margins, arcs, dyad.size, turn)
         if worst is None:
             continue
-        crank, margin = worst
-        if mechanism.drawn and reach.turns_fully and abs(margin[0]) < _LEAST * dyad.size:
-            raise MechanismError(_in_line(mechanism, given, crank))
-        words = _words(given, margin)
-        place = f'{crank:.9g} m' if reach.slides else rad_and_deg(crank)
+        if mechanism.drawn and reach.turns_fully and abs(worst.margin) < _LEAST * dyad.size:
+            raise MechanismError(_in_line(mechanism, given, worst.crank))
+        words = _words(given, worst)
+        place = f'{worst.crank:.9g} m' if reach.slides else rad_and_deg(worst.crank)
         limits.append(f'{given.subject} not close at {place}, {words}')
         cures.append(f'change lengths or ends of {given.title}')
         if not arcs:
@@ -146,24 +159,25 @@ def _in_line(mechanism: Any, dyad: Dyad, crank: float) -> str:
     )
 
 
-def _words(dyad: Dyad, margin: tuple[float, int]) -> str:
-    """Describes the gap of a dyad, given its margin and the index of that margin."""
-    size, side = margin
-    if size >= 0:
+def _words(dyad: Dyad, worst: _Worst) -> str:
+    """Describes by how much a dyad does not close."""
+    if worst.margin >= 0:
         return 'where it is in line'
+    gap = f'{-worst.margin:.3g} m'
     if dyad.slider is not None:
         link, slider = dyad.parts
-        pin = dyad.pins[0].removesuffix(f'_{link}')  # as drawn
+        # A drawn pin that carries a further link gives the joint PIN_LINK.
+        pin = dyad.pins[0].removesuffix(f'_{link}')
         path = slider if dyad.names else 'the slider'
-        return f'where {pin} is {-size:.3g} m too far from the path of {path}'
-    if dyad.barrel is not None:
-        return f'where its ends are {-size:.3g} m too near'
-    return f'where its ends are {-size:.3g} m too {("far apart", "near")[side]}'
+        return f'where {pin} is {gap} too far from the path of {path}'
+    # Two links have one margin until they are stretched, then one until they are folded.
+    is_too_far = dyad.barrel is None and worst.index == 0
+    return f'where its ends are {gap} too {"far apart" if is_too_far else "near"}'
 
 
 def _closed_arcs(
     margins: Callable[..., Any], arcs: Sequence[Arc], size: float, turn: float
-) -> tuple[list[Arc], tuple[float, tuple[float, int]] | None]:
+) -> tuple[list[Arc], _Worst | None]:
     """Finds the parts of arcs on which a dyad closes.
 
     Args:
@@ -173,8 +187,8 @@ def _closed_arcs(
         turn: Length of an arc of whole turns, rad.
 
     Returns:
-        The parts of the arcs; and None if these are the arcs, otherwise the crank angle with the
-        smallest margin or, if the dyad closes nowhere, the largest, and this margin.
+        The parts of the arcs; and None if these are the arcs, otherwise the sample with the
+        smallest margin or, if the dyad closes nowhere, the largest.
     """
     least, found = _LEAST * size, list[Arc]()
     seen = list[tuple[Array, Array]]()
@@ -199,7 +213,7 @@ def _closed_arcs(
     crank, rows = (np.concatenate(each, axis=-1) for each in zip(*seen, strict=True))
     smallest = rows.min(axis=0)
     i = int(smallest.argmin() if found else smallest.argmax())
-    return found, (float(crank[i]), (float(smallest[i]), int(rows[:, i].argmin())))
+    return found, _Worst(float(crank[i]), float(smallest[i]), int(rows[:, i].argmin()))
 
 
 def _samples(
