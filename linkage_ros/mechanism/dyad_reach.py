@@ -38,12 +38,12 @@ class _Worst(NamedTuple):
     Attributes:
         crank: Crank angle, rad, or position of a driven slide, m.
         margin: Smallest margin of the dyad there, m; negative if it does not close.
-        index: Index of this margin in `margins` of the dyad.
+        number: Index of this margin in `margins` of the dyad.
     """
 
     crank: float
     margin: float
-    index: int
+    number: int
 
 
 def reach_of(mechanism: Any) -> Reach | None:
@@ -171,7 +171,7 @@ def _words(dyad: Dyad, worst: _Worst) -> str:
         path = slider if dyad.names else 'the slider'
         return f'where {pin} is {gap} too far from the path of {path}'
     # Two links have one margin until they are stretched, then one until they are folded.
-    is_too_far = dyad.barrel is None and worst.index == 0
+    is_too_far = dyad.barrel is None and worst.number == 0
     return f'where its ends are {gap} too {"far apart" if is_too_far else "near"}'
 
 

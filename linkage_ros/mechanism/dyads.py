@@ -24,6 +24,9 @@ D = (s + i e) g, so that s^2 = D.D - e^2 and
     s phi' = D'.n                 s phi'' = D''.n - 2 s' phi' + e phi'^2
     s' = D'.g + e phi'            s'' = D''.g + e phi'' + s phi'^2
 
+In the code, x_1 lists the derivatives of x with respect to the coordinates, and x_2 the
+coefficients of the products of two rates in x'', as in `LinkPose`.
+
 Relative errors grow as 1 / sigma^2, because the ends have rounding errors.
 """
 
@@ -385,24 +388,25 @@ class TwoLinks(NamedTuple):
     def pose(self, links: Sequence[LinkPose]) -> tuple[LinkPose, LinkPose, Real]:
         """Computes the poses of both links, and the sine from the first to the second."""
         b, c = self.first, self.second
-        apart, slopes, changes = _derivatives(self.apart, links)
-        square = dot(apart, apart)
+        D, D_1, D_2 = _derivatives(self.apart, links)
+        square = dot(D, D)
         stretch, fold = (b + c) * (b + c) - square, square - (b - c) * (b - c)
         require(stretch > 0, self.refuse, links[0].position, square)
         require(fold > 0, self.refuse, links[0].position, square)
         root = self.side * sqrt(stretch * fold)
-        way, back = directions(apart, square, root, b, c)
-        over_b, over_c, cosine = 2 * c / root, 2 * b / root, dot(way, back)
-        rates = [(-over_b * dot(x, back), over_c * dot(x, way)) for x in slopes]
-        curves = [
-            bends((b, c), (over_b, over_c), cosine, (own, other), (dot(x, back), dot(x, way)))
-            for (own, other), x in zip(_products(rates), changes, strict=True)
+        e, f = directions(D, square, root, b, c)
+        over_b, over_c, cosine = 2 * c / root, 2 * b / root, dot(e, f)
+        phi_1 = [-over_b * dot(d, f) for d in D_1]
+        psi_1 = [over_c * dot(d, e) for d in D_1]
+        bent = [
+            bends((b, c), (over_b, over_c), cosine, (phi_phi, psi_psi), (dot(d, f), dot(d, e)))
+            for d, phi_phi, psi_psi in zip(D_2, _squares(phi_1), _squares(psi_1), strict=True)
         ]
-        back = -back
-        (one, two), (bend, other_bend) = _columns(rates), _columns(curves)
+        phi_2, psi_2 = zip(*bent, strict=True)
+        second = -f  # the second link's direction is from the second end to the joint
         return (
-            LinkPose(atan2(way.y, way.x), way, one, bend),
-            LinkPose(atan2(back.y, back.x), back, two, other_bend),
+            LinkPose(atan2(e.y, e.x), e, tuple(phi_1), phi_2),
+            LinkPose(atan2(second.y, second.x), second, tuple(psi_1), psi_2),
             root * (0.5 / (b * c)),
         )
 
@@ -440,7 +444,7 @@ class LinkAndSlider(NamedTuple):
     def _in_guide(
         self, links: Sequence[LinkPose]
     ) -> tuple[tuple[Vector, list[Vector], list[Vector]], Vector]:
-        """Returns the first end and its derivatives, along and across the guide; and the guide."""
+        """Returns W and its derivatives, along and across the guide; and the guide."""
         place, slopes, changes = _derivatives(self.start, links)
         if self.spin is None:
             return (place, slopes, changes), self.guide
@@ -451,31 +455,27 @@ class LinkAndSlider(NamedTuple):
 
     def pose(self, links: Sequence[LinkPose]) -> tuple[LinkPose, LinkPose, Real]:
         """Computes the poses of link and slider, and the sine to the normal of the guide."""
-        length, ((start, slopes, changes), guide) = self.length, self._in_guide(links)
-        height = -start.y
-        square = (length - height) * (length + height)
-        require(square > 0, self.refuse, links[0].position, height)
-        run = self.side * sqrt(square)
-        over, place = 1.0 / run, start.x + run
-        spins, bends_of_guide = _spin(links, self.spin)
-        turns = [
-            (place * spin - slope.y) * over for slope, spin in zip(slopes, spins, strict=True)
+        (W, W_1, W_2), guide = self._in_guide(links)
+        length, h = self.length, -W.y
+        square = (length - h) * (length + h)
+        require(square > 0, self.refuse, links[0].position, h)
+        x = self.side * sqrt(square)
+        over_x, s = 1.0 / x, W.x + x
+        psi_1, psi_2 = _spin(links, self.spin)
+        phi_1 = [(s * psi - w.y) * over_x for w, psi in zip(W_1, psi_1, strict=True)]
+        s_1 = [w.x - h * phi for w, phi in zip(W_1, phi_1, strict=True)]
+        phi_phi, psi_psi, s_psi = _squares(phi_1), _squares(psi_1), _mixed(s_1, psi_1)
+        products = range(len(W_2))
+        phi_2 = [
+            (h * phi_phi[i] + (2 * s_psi[i] + s * psi_2[i]) - W_2[i].y) * over_x for i in products
         ]
-        slides = [slope.x - height * turn for slope, turn in zip(slopes, turns, strict=True)]
-        bent, slid = [], []
-        products = zip(_products(list(zip(turns, spins, strict=True))), _mixed(slides, spins),
-                       changes, bends_of_guide, strict=True)  # fmt: skip
-        for (square, spin_square), drift, change, bend_of_guide in products:
-            across = height * square + (2 * drift + place * bend_of_guide)
-            bend = (across - change.y) * over
-            bent.append(bend)
-            slid.append(change.x - height * bend - run * square + place * spin_square)
+        s_2 = [W_2[i].x - h * phi_2[i] - x * phi_phi[i] + s * psi_psi[i] for i in products]
         scale = 1.0 / length
-        way = turned(Vector(run, height), guide.x * scale, guide.y * scale)
+        e = turned(Vector(x, h), guide.x * scale, guide.y * scale)
         return (
-            LinkPose(atan2(way.y, way.x), way, tuple(turns), tuple(bent)),
-            LinkPose(place, guide, tuple(slides), tuple(slid)),
-            run * scale,
+            LinkPose(atan2(e.y, e.x), e, tuple(phi_1), tuple(phi_2)),
+            LinkPose(s, guide, tuple(s_1), tuple(s_2)),
+            x * scale,
         )
 
 
@@ -506,30 +506,24 @@ class BarrelAndRod(NamedTuple):
 
     def pose(self, links: Sequence[LinkPose]) -> tuple[LinkPose, LinkPose, Real]:
         """Computes the poses of barrel and rod, and the sine from the rod's pin to the guide."""
-        offset, (apart, slopes, changes) = self.offset, _derivatives(self.apart, links)
-        square = dot(apart, apart)
+        e, (D, D_1, D_2) = self.offset, _derivatives(self.apart, links)
+        square = dot(D, D)
         distance = sqrt(square)
         margin = distance - self.nearest
         require(margin > 0, self.refuse, links[0].position, square)
-        place = sqrt(margin * (distance + self.nearest))
-        scale = 1.0 / square
-        barrel, over = turned(apart, scale * place, scale * -offset), 1.0 / place
-        turns = [cross(barrel, slope) * over for slope in slopes]
-        slides = [
-            dot(slope, barrel) + offset * turn for slope, turn in zip(slopes, turns, strict=True)
-        ]
-        bent, slid = [], []
-        products = zip(
-            _products([(x,) for x in turns]), _mixed(slides, turns), changes, strict=True
-        )
-        for (spin_square,), drift, change in products:
-            bend = (cross(barrel, change) - 2 * drift + offset * spin_square) * over
-            bent.append(bend)
-            slid.append(dot(change, barrel) + offset * bend + place * spin_square)
+        s = sqrt(margin * (distance + self.nearest))
+        over_s, scale = 1.0 / s, 1.0 / square
+        g = turned(D, scale * s, scale * -e)
+        phi_1 = [cross(g, d) * over_s for d in D_1]
+        s_1 = [dot(d, g) + e * phi for d, phi in zip(D_1, phi_1, strict=True)]
+        phi_phi, s_phi = _squares(phi_1), _mixed(s_1, phi_1)
+        products = range(len(D_2))
+        phi_2 = [(cross(g, D_2[i]) - 2 * s_phi[i] + e * phi_phi[i]) * over_s for i in products]
+        s_2 = [dot(D_2[i], g) + e * phi_2[i] + s * phi_phi[i] for i in products]
         return (
-            LinkPose(atan2(barrel.y, barrel.x), barrel, tuple(turns), tuple(bent)),
-            LinkPose(place, barrel, tuple(slides), tuple(slid)),
-            place / distance,
+            LinkPose(atan2(g.y, g.x), g, tuple(phi_1), tuple(phi_2)),
+            LinkPose(s, g, tuple(s_1), tuple(s_2)),
+            s / distance,
         )
 
 
@@ -557,20 +551,19 @@ def _derivatives(
         left = arm.left()
         place += arm
         slopes = [slope + left * rate for slope, rate in zip(slopes, link.jacobian, strict=True)]
-        products = _products([(rate,) for rate in link.jacobian])
-        rows = zip(changes, link.curvature, products, strict=True)
-        changes = [change + left * bend - arm * product for change, bend, (product,) in rows]
+        rows = zip(changes, link.curvature, _squares(link.jacobian), strict=True)
+        changes = [change + left * bend - arm * square for change, bend, square in rows]
     return place, slopes, changes
 
 
-def _products(rates: Sequence[tuple[Real, ...]]) -> list[tuple[Real, ...]]:
+def _squares(rates: Sequence[Real]) -> list[Real]:
     """Computes the factor of each product of two rates in the square of a velocity.
 
     Args:
-        rates: Derivatives with respect to each coordinate, of several links.
+        rates: Derivatives with respect to each coordinate.
     """
     return [
-        tuple(x * y if k == j else 2 * x * y for x, y in zip(rates[k], rates[j], strict=True))
+        rates[k] * rates[j] if k == j else 2 * rates[k] * rates[j]
         for k, j in itertools.combinations_with_replacement(range(len(rates)), 2)
     ]
 
@@ -589,7 +582,3 @@ def _spin(links: Sequence[LinkPose], spin: int | None) -> tuple[Sequence[Real], 
         return links[spin].jacobian, links[spin].curvature
     count = len(links[0].jacobian)
     return [ZERO] * count, [ZERO] * (count * (count + 1) // 2)
-
-
-def _columns(rows: Sequence[tuple[Real, Real]]) -> tuple[tuple[Real, ...], ...]:
-    return tuple(zip(*rows, strict=True))
