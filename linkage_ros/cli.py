@@ -250,16 +250,17 @@ def run(name: str, command: Callable[[], int | None]) -> int:
 def _warnings_as_notes() -> Iterator[None]:
     """Prints each warning about a parameter file once, as a note on stderr."""
     with warnings.catch_warnings():
-        warnings.simplefilter('default', ParameterWarning)
-        show = warnings.showwarning
+        warnings.simplefilter('always', ParameterWarning)
+        show, printed = warnings.showwarning, set[str]()  # a program may read a file twice
 
         def show_note(
             message: Warning | str, category: type[Warning], *where: Any, **more: Any
         ) -> None:
-            if issubclass(category, ParameterWarning):
-                print_error('note', message)
-            else:
+            if not issubclass(category, ParameterWarning):
                 show(message, category, *where, **more)
+            elif str(message) not in printed:
+                printed.add(str(message))
+                print_error('note', message)
 
         warnings.showwarning = show_note
         yield

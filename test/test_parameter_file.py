@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 import time
+import warnings
 
 import pytest
 from hypothesis import given
@@ -17,6 +18,7 @@ from mechanisms import examples
 from ros_harness import PATIENCE
 
 from linkage_ros import ConfigurationError, load
+from linkage_ros.settings.package_names import read_own_parameters
 from linkage_ros.settings.yaml_file import read_parameter_file
 
 # Some files give a name twice.
@@ -410,6 +412,36 @@ rate_hz: 0.0""")
     assert 'frame: {length: ...}' in words[1]
     assert ' 0.1' in words[3]
     assert len(str(caught.value)) <= 600
+
+
+@pytest.mark.parametrize(
+    ('section', 'name', 'is_kept'),
+    [
+        ('/**', 'robot_name', False),
+        ('/**', 'base_frame', False),
+        ('/**', 'left_leg.crank.length', False),
+        # A misspelt name, an old one, and one for this node alone are not those of others.
+        ('/**', 'rmp', True),
+        ('/**', 'cranks.length', True),
+        ('/**', 'crank.robot_name', True),
+        ('/**', 'friction.rocker', True),
+        ('/**', 'use_sim_time', True),
+        ('/**/linkage_node', 'robot_name', True),
+        ('linkage_node', 'robot_name', True),
+    ],
+)
+def test_names_of_other_programs_are_left_out_and_listed(section, name, is_kept, write):
+    text = f'{section}: {{ros__parameters: {{rpm: 60.0, {name}: 1.0}}}}'
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter('always')
+        values = read_own_parameters(write(text))
+    assert {*values} == {'rpm', *[name] * is_kept}
+    assert [name in str(one.message) for one in found] == [True] * (not is_kept)
+
+
+def test_a_file_for_other_programs_alone_is_refused(write):
+    with pytest.raises(ConfigurationError, match='robot_name'):
+        read_own_parameters(write('/**: {ros__parameters: {robot_name: atlas}}'))
 
 
 @pytest.mark.parametrize(

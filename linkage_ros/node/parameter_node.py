@@ -24,6 +24,7 @@ from linkage_ros.messages.topics import SIMULATED_CLOCK
 from linkage_ros.node.process import rclpy_internals, reported_as_configuration
 from linkage_ros.quantities import Leaf, Quantity, shown
 from linkage_ros.settings.configuration import with_files, without_ros_parameters
+from linkage_ros.settings.package_names import names_of_others
 from linkage_ros.settings.yaml_file import read_parameter_file, read_scalar
 from linkage_ros.units import NS_PER_S, TIME_END
 
@@ -60,13 +61,22 @@ def given_values(node: Node) -> dict[str, object]:
         overrides = node._parameter_overrides  # noqa: SLF001
     found = without_ros_parameters({name: p.value for name, p in overrides.items()})
     _require_no_hidden(found)
-    for option, path in itertools.pairwise(sys.argv):
-        if option == '--params-file' and any(name.endswith('.file') for name in found):
-            read = read_parameter_file(path, node.get_fully_qualified_name())
-            for name, value in with_files(read, path).items():
-                if found.get(name) == read[name]:
-                    found[name] = value
+    pairs, node_name = itertools.pairwise(sys.argv), node.get_fully_qualified_name()
+    for path in [path for option, path in pairs if option == '--params-file']:
+        for name in {*names_of_others(path, node_name)} - {*_rules()}:
+            found.pop(name, None)
+        read = read_parameter_file(path, node_name)
+        for name, value in with_files(read, path).items():
+            if found.get(name) == read[name]:
+                found[name] = value
     return found
+
+
+def _rules() -> dict[str, str]:
+    """Returns the values that the command line gives with -p, as text by name."""
+    pairs = itertools.pairwise(sys.argv)
+    rules = (rule for option, rule in pairs if option in {'-p', '--param'} and ':=' in rule)
+    return dict(rule.split(':=', 1) for rule in rules)
 
 
 def _require_no_hidden(values: Mapping[str, Any]) -> None:
@@ -81,8 +91,7 @@ def _require_no_hidden(values: Mapping[str, Any]) -> None:
     Raises:
         ConfigurationError: There is such a value.
     """
-    rules = (rule for option, rule in itertools.pairwise(sys.argv) if option in {'-p', '--param'})
-    for name, text in dict(rule.split(':=', 1) for rule in rules if ':=' in rule).items():
+    for name, text in _rules().items():
         value = values.get(name)
         first = value[0] if isinstance(value, list | array) and value else value
         one = text.strip('[] ').partition(',')[0]

@@ -32,8 +32,8 @@ from linkage_ros.errors import ConfigurationError, LinkageError, one_line
 from linkage_ros.files import path_exists
 from linkage_ros.node.stderr import muted_stderr, nonblocking_stderr
 from linkage_ros.node.workers import accompany_ticker, show_name
+from linkage_ros.settings.package_names import read_own_parameters
 from linkage_ros.settings.presets import preset_names, preset_path
-from linkage_ros.settings.yaml_file import read_parameter_file
 
 # A process whose node takes longer to end is killed; the shorter time is for an urgent end.
 _DESTROY_SECONDS, _URGENT_SECONDS = 10.0, 2.0
@@ -126,7 +126,7 @@ def _check_parameter_files(arguments: list[str], node: str) -> None:
                 raise ConfigurationError(
                     f'{path} is not a file: give the path of a parameter file'
                 )
-            read_parameter_file(path, name, for_ros=True)
+            read_own_parameters(path, name, for_ros=True)
 
 
 def full_name(arguments: list[str], node: str) -> str:

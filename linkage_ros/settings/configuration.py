@@ -28,11 +28,10 @@ from linkage_ros.settings.joints import (
     robot_joints,
 )
 from linkage_ros.settings.old_names import refuse_old_names, with_new_names
+from linkage_ros.settings.package_names import read_own_parameters
 from linkage_ros.settings.parameters import MechanismAndDrive, Session, parameter_leaves
-from linkage_ros.settings.presets import find_file, preset_path
+from linkage_ros.settings.presets import DEFAULT_PRESET, find_file, preset_path
 from linkage_ros.settings.yaml_file import read_parameter_file
-
-DEFAULT_PRESET = 'quadrilateral'
 
 _EXPLAINED = 6  # number of unknown names that a message explains
 # Parameters that every rclpy node declares.
@@ -246,7 +245,7 @@ def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
             parameters of linkage_node.
     """
     path = find_file(source)
-    return with_files(read_parameter_file(path, f'{namespace}/linkage_node'), path)
+    return with_files(read_own_parameters(path, f'{namespace}/linkage_node'), path)
 
 
 def with_files(values: Mapping[str, Any], path: Path | str) -> dict[str, Any]:

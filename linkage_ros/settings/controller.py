@@ -5,8 +5,8 @@
 from dataclasses import dataclass
 
 from linkage_ros.quantities import Checked, leaves, quantity
-from linkage_ros.settings.configuration import DEFAULT_PRESET
 from linkage_ros.settings.parameters import JOINT_PREFIX
+from linkage_ros.settings.presets import DEFAULT_PRESET
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,8 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.files import path_exists
 from linkage_ros.quantities import shown
 
+DEFAULT_PRESET = 'quadrilateral'
+
 
 def preset_names() -> list[str]:
     """Returns the names of all presets in alphabetical order."""

@@ -7,10 +7,9 @@ section for a node overrides an earlier one. Other spellings of numbers, such as
 are text. Lists such as [0, -9.81], which rcl refuses, are read as floats.
 """
 
-import itertools
 import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TypeAlias, cast
 
@@ -74,13 +73,10 @@ def read_parameter_file(
     """
     reader, node = _Reader(path, 'parameter', _LAYOUT), f'/{node_name.strip("/")}'
     values, sections = Parameters(), list[str]()
-    for names, value in reader.values():
-        if _SECTION not in names[1:-1]:
-            raise reader.syntax_error(f'{names[-1]!r} is not below {_SECTION}; {_LAYOUT}')
-        depth = names.index(_SECTION)
-        sections.append('/'.join(names[:depth]))
-        if _matches(sections[-1], node):
-            values['.'.join(names[depth + 1 :])] = value
+    for section, name, value in reader.parameters():
+        sections.append(section)
+        if _matches(section, node):
+            values[name] = value
     if reader.mixed:
         words = reader.words_on_mixed()
         if for_ros:
@@ -93,6 +89,22 @@ def read_parameter_file(
             f'write /** or {node} above {_SECTION}'
         )
     return values
+
+
+def shared_names(path: Path | str, node_name: str) -> set[str]:
+    """Returns the names that a file sets on a node only by its section of all nodes, /**.
+
+    Args:
+        path: Path of a parameter file that `read_parameter_file` can read.
+        node_name: Name of the node with its namespace.
+    """
+    reader, shared, own = _Reader(path, 'parameter', _LAYOUT), set[str](), set[str]()
+    for section, name, _ in reader.parameters():
+        if section.strip('/') == '**':
+            shared.add(name)
+        elif _matches(section, f'/{node_name.strip("/")}'):
+            own.add(name)
+    return shared - own
 
 
 def read_yaml(path: Path | str, kind: str) -> Parameters:
@@ -152,16 +164,22 @@ class _Reader:
         if repeated:
             self.note_repeated(repeated)
 
+    def parameters(self) -> Iterator[tuple[str, str, ParameterValue]]:
+        """Yields the section, the dotted name and the value of each parameter of a node."""
+        for names, value in self.values():
+            if _SECTION not in names[1:-1]:
+                raise self.syntax_error(f'{names[-1]!r} is not below {_SECTION}; {_LAYOUT}')
+            depth = names.index(_SECTION)
+            yield '/'.join(names[:depth]), '.'.join(names[depth + 1 :]), value
+
     def note_repeated(self, repeated: Mapping[str, tuple[int, int]]) -> None:
         """Warns of names that are given more than once, with the last two lines of each."""
-        words = [
+        words = (
             f'{shown(name.rpartition(f"{_SECTION}.")[2])} (lines {first} and {last})'
-            for name, (first, last) in itertools.islice(repeated.items(), _MOST_LISTED)
-        ]
-        if (more := len(repeated) - len(words)) > 0:
-            words.append(f'and {more} more')
+            for name, (first, last) in repeated.items()
+        )
         warnings.warn(
-            f'{self.file}: given more than once: {", ".join(words)}; the last value applies: '
+            f'{self.file}: given more than once: {listed(words)}; the last value applies: '
             'remove the others',
             ParameterWarning,
             stacklevel=2,
@@ -169,15 +187,10 @@ class _Reader:
 
     def words_on_mixed(self) -> str:
         """Returns one line on lists that rcl refuses, with what to write instead."""
-        words = [
-            f'line {line}: {name}: {shown(row)}'
-            for (name, line), row in itertools.islice(self.mixed.items(), _MOST_LISTED)
-        ]
-        if (more := len(self.mixed) - len(words)) > 0:
-            words.append(f'and {more} more')
+        words = (f'line {line}: {name}: {shown(row)}' for (name, line), row in self.mixed.items())
         return (
             f'{self.file}: ROS refuses lists that mix whole numbers with others; for ROS, write '
-            f'{"; ".join(words)}'
+            f'{listed(words, "; ")}'
         )
 
     def mapping(self, names: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], ParameterValue]]:
@@ -276,6 +289,13 @@ def _matches(section: str, node: str) -> bool:
     section = re.sub(r'\*\*(/+\*\*)+', '**', section)  # matching repeated ** would be slow
     parts = [wildcards.get(part, f'/{re.escape(part)}') for part in section.split('/') if part]
     return re.fullmatch(''.join(parts), f'/{node.strip("/")}') is not None
+
+
+def listed(words: Iterable[str], separator: str = ', ') -> str:
+    """Returns the first words of a list, and how many there are more."""
+    words = [*words]
+    more = [f'and {len(words) - _MOST_LISTED} more'] * (len(words) > _MOST_LISTED)
+    return separator.join([*words[:_MOST_LISTED], *more])
 
 
 def _show(event: yaml.Event) -> str:

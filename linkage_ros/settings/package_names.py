@@ -1,0 +1,94 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Names of this package's parameters, to tell those that a shared file has for other programs."""
+
+import difflib
+import warnings
+from functools import cache
+from pathlib import Path
+
+from linkage_ros.errors import ConfigurationError, ParameterWarning
+from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.motion.drives import DRIVES
+from linkage_ros.quantities import leaves
+from linkage_ros.settings.controller import ControllerSettings
+from linkage_ros.settings.joints import GROUP as JOINTS
+from linkage_ros.settings.old_names import has_old_names
+from linkage_ros.settings.parameters import MechanismAndDrive, Session
+from linkage_ros.settings.yaml_file import (
+    Parameters,
+    listed,
+    read_parameter_file,
+    shared_names,
+)
+
+# Groups that exist for given members only, and what every rclpy node declares.
+_OTHERS = frozenset({JOINTS, 'loads', 'linkages', 'qos_overrides', 'use_sim_time'})
+# A misspelt name differs little in length; base_frame does not mean frame.
+_LONGER = 2
+
+
+@cache
+def _first_parts() -> frozenset[str]:
+    """Returns the first part of each parameter's name, such as crank of crank.length."""
+    classes = MechanismAndDrive, Session, ControllerSettings
+    names = (leaf.name for cls in (*classes, *MECHANISMS.values(), *DRIVES.values())
+             for leaf in leaves(cls))  # fmt: skip
+    return frozenset(name.partition('.')[0] for name in names) | _OTHERS
+
+
+def read_own_parameters(
+    path: Path | str, node_name: str = 'linkage_node', *, for_ros: bool = False
+) -> Parameters:
+    """Reads a parameter file without the parameters of other programs; see `names_of_others`.
+
+    Args:
+        path: Path of the YAML file.
+        node_name: Name of the node with its namespace, such as left/linkage_node.
+        for_ros: Whether rcl will read the file, too.
+
+    Returns:
+        The values by dotted name.
+
+    Warns:
+        ParameterWarning: As for `read_parameter_file`; or there are parameters of other programs.
+
+    Raises:
+        ConfigurationError: As for `read_parameter_file`; or there are no other parameters.
+    """
+    values = read_parameter_file(path, node_name, for_ros=for_ros)
+    others = names_of_others(path, node_name)
+    if not others:
+        return values
+    node = f'/{node_name.strip("/")}'
+    cure = f'write {node} above those that are for it'
+    words = f'below /**, no parameters of linkage_ros: {listed(others)}; {cure}'
+    if len(others) == len(values):
+        raise ConfigurationError(f'{path} has nothing for {node}, {words}')
+    warnings.warn(f'{path} has, {words}', ParameterWarning, stacklevel=2)
+    return {name: value for name, value in values.items() if name not in others}
+
+
+def names_of_others(path: Path | str, node_name: str) -> list[str]:
+    """Returns the parameters of other programs that a file has below /**, for all nodes.
+
+    They are those whose first part is no name of this package, and resembles none.
+
+    Args:
+        path: Path of a parameter file that `read_parameter_file` can read.
+        node_name: Name of the node with its namespace.
+    """
+    values, own = read_parameter_file(path, node_name), {*_first_parts()}
+    linkages = values.get('linkages')
+    own.update(map(str, linkages) if isinstance(linkages, list) else ())
+    return [
+        name
+        for name in sorted(shared_names(path, node_name))
+        if not _is_like(name.partition('.')[0], own) and not has_old_names({name: values[name]})
+    ]
+
+
+def _is_like(word: str, own: set[str]) -> bool:
+    """Returns whether a word is one of this package's, or such a word misspelt."""
+    alike = [known for known in own if abs(len(known) - len(word)) <= _LONGER]
+    return word in own or bool(difflib.get_close_matches(word, alike))
