@@ -6,6 +6,9 @@ They are the formulas, integrators and filter that it compares with others, and 
 other programs: laws, periods, ranges of loads, drawing, URDF, notes, files and angles.
 """
 
+from pathlib import Path
+from typing import Any
+
 from linkage_ros.errors import printable
 from linkage_ros.files import create_file, is_same_file
 from linkage_ros.mechanism.axes import axes_of, spin_of
@@ -26,7 +29,7 @@ from linkage_ros.motion.steps import live_steps, record_steps
 from linkage_ros.motion.under_torque import Motor, published
 from linkage_ros.numeric import without_turns, wrap
 from linkage_ros.run.states import Simulator
-from linkage_ros.settings.configuration import configure
+from linkage_ros.settings.configuration import Configuration, configuration_of, configure
 from linkage_ros.settings.notes import notes
 from linkage_ros.settings.old_names import new_name
 from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
@@ -34,9 +37,18 @@ from linkage_ros.settings.yaml_file import read_yaml
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.xml_file import read_xml
 
+
+def logged_states(path: Path | str, most: int) -> Any:
+    """Reads the first states of a log; see `linkage_ros.log.tables.logged_states`."""
+    from linkage_ros.log import tables  # needs MCAP
+
+    return tables.logged_states(path, most)
+
+
 __all__ = [
     'FRAME',
     'UNITS',
+    'Configuration',
     'Drawing',
     'DrivenMechanism',
     'FollowMotion',
@@ -48,11 +60,13 @@ __all__ = [
     'Simulator',
     'acting_forces',
     'axes_of',
+    'configuration_of',
     'configure',
     'create_file',
     'extremes_between',
     'is_same_file',
     'live_steps',
+    'logged_states',
     'make_urdf',
     'new_name',
     'notes',

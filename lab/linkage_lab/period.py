@@ -348,6 +348,29 @@ def _at_given_speed(
     return period, [period.solver.reach.grashof, speed, *travel(period.solver).words()]
 
 
+def logged_period(mechanism: Mechanism, time: Array, rows: Array, torque: Array) -> Period:
+    """Converts logged states to a motion over time.
+
+    Args:
+        mechanism: The mechanism.
+        time: Increasing times from 0, s.
+        rows: Positions, rates and accelerations of the links, rad and m, shape (3, links, n).
+        torque: Driving torque, N m, or force, N.
+
+    Returns:
+        The motion. Its torque is the logged one.
+    """
+    solver = Solver(mechanism)
+    position, velocity, acceleration = map(tuple, rows)
+    state = State(position, velocity, acceleration, torque, links=solver.links)
+    driven = solver.structure.driven
+    rate = state.velocity[driven]
+    return Period(
+        solver, state.position[driven], state, _efforts(solver, state),
+        speed=mean(time, np.abs(rate)), mean_power=mean(time, torque * rate), time=time,
+    )  # fmt: skip
+
+
 def _along_law(source: str, design: Any, options: dict[str, Any]) -> tuple[Period, list[str]]:
     """Computes the motion along a law, from its start to its end or over one of its periods.
 

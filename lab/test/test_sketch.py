@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from linkage_lab import command_line
-from linkage_lab.charts.sketch import _draw, _zero, describe, sketch_of
+from linkage_lab.charts.sketch import _zero, describe, draw, sketch_of
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.presets import preset_names
 
@@ -54,7 +54,7 @@ def design_of(source):
 def written(design, at=None):
     """Returns the texts of the drawing with dimensions, and their boxes."""
     axes = Figure(figsize=(10.0, 7.0), dpi=140).add_axes((0.02, 0.02, 0.96, 0.96))
-    _draw(axes, sketch_of(design, at), with_dimensions=True)
+    draw(axes, sketch_of(design, at), with_dimensions=True)
     texts = [text for text in axes.texts if text.get_text()]
     return [x.get_text() for x in texts], [x.get_window_extent() for x in texts]
 

@@ -19,6 +19,7 @@ from linkage_ros.log.bag import Bag, BagTopic
 from linkage_ros.log.reader import LogReader
 from linkage_ros.mechanism.parts import FRAME_NAME
 from linkage_ros.messages.cdr import decode_joint_state, decode_point, decode_trajectory
+from linkage_ros.messages.joints import link_rows
 from linkage_ros.messages.templates import QUANTITIES
 from linkage_ros.messages.topics import (
     JOINT_STATE,
@@ -28,7 +29,9 @@ from linkage_ros.messages.topics import (
     MECHANISM_STATE,
     POINT_STAMPED,
 )
+from linkage_ros.numeric import Array
 from linkage_ros.quantities import shown
+from linkage_ros.settings.configuration import Configuration
 from linkage_ros.settings.joints import measured_from
 from linkage_ros.units import NS_PER_S
 
@@ -49,6 +52,22 @@ class WrittenTable(NamedTuple):
     topic: str
     rows: int
     invalid: int
+
+
+class LoggedStates(NamedTuple):
+    """The states of a log.
+
+    Attributes:
+        configuration: Configuration of the run.
+        time: Times since the first state, s.
+        rows: Positions, rates and accelerations of the links, rad and m, shape (3, links, n).
+        torque: Driving torque, N m, or force, N.
+    """
+
+    configuration: Configuration
+    time: Array
+    rows: Array
+    torque: Array
 
 
 class _Table:
@@ -161,6 +180,31 @@ def read_log(path: Path | str, topic: str | None = None) -> Any:
         names = ', '.join(sorted(found)) or 'none'
         raise LogError(f'{path} has no states or points on {shown(topic)}: choose one of {names}')
     return found[topic]
+
+
+def logged_states(path: Path | str, most: int) -> LoggedStates:
+    """Reads the first states of a log of this package.
+
+    Args:
+        path: Path of the log.
+        most: Largest number of states.
+
+    Raises:
+        LogError: The log cannot be read, or a joint is not in it.
+    """
+    log = LogReader(path)
+    (topic,) = (topic.name for topic in log.topics if topic.role == MECHANISM_STATE.role)
+    columns, joints = read_log(path, topic), log.configuration.robot_joints
+    names = [joint.name for joint in joints]
+    if '' in names:
+        raise LogError(f'{path} lacks a joint: give each joint a name to show the log')
+    table = np.array(
+        [[columns[f'{name}.{quantity}'][:most] for name in names] for quantity in QUANTITIES[:3]]
+    )
+    driven = log.configuration.mechanism.structure().driven
+    torque = columns[f'{names[driven]}.effort'][:most] * joints[driven].ratio
+    time = columns['t'][:most]
+    return LoggedStates(log.configuration, time - time[0], link_rows(joints, table), torque)
 
 
 def write_csv(

@@ -10,10 +10,14 @@ from typing import Any
 
 from linkage_ros.errors import ConfigurationError, Mistakes, in_file
 from linkage_ros.mechanism.base import Mechanism
+from linkage_ros.mechanism.drawing import Drawing, DrawnMechanism
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.motion.drives.base import Drive
+from linkage_ros.motion.drives.follow import FollowDrive
+from linkage_ros.motion.drives.speed import SpeedDrive
+from linkage_ros.motion.drives.torque import TorqueDrive
 from linkage_ros.quantities import (
     build,
     flatten,
@@ -281,6 +285,33 @@ def load(source: str) -> Configuration:
     values = read_values(source)
     with in_file(source):
         return configure(values)
+
+
+def configuration_of(made: Mechanism | Drawing, rpm: float) -> Configuration:
+    """Returns a configuration of a mechanism from Python, or of a drawing, that has no drive.
+
+    Args:
+        made: The mechanism or the drawing.
+        rpm: Speed of its crank, rpm, if it turns fully.
+
+    Raises:
+        ConfigurationError: `MECHANISMS` does not have the class of the mechanism.
+    """
+    given = DrawnMechanism(drawing=made) if isinstance(made, Drawing) else None
+    mechanism = made.mechanism() if isinstance(made, Drawing) else made
+    kinds = [name for name, cls in MECHANISMS.items() if type(given or made) is cls]
+    if not kinds:
+        raise ConfigurationError(
+            f'{type(made).__name__}: must be in MECHANISMS, which has {", ".join(MECHANISMS)}'
+        )
+    reach = mechanism.reach()
+    drive: Drive = TorqueDrive() if reach is None else FollowDrive()
+    if reach and reach.turns_fully and not reach.slides:
+        drive = SpeedDrive(rpm=rpm)
+    kind = next(name for name, cls in DRIVES.items() if type(drive) is cls)
+    return Configuration(
+        MechanismAndDrive(kinds[0], kind), mechanism, drive, Session(), given=given
+    )
 
 
 def to_strings(configuration: Configuration) -> dict[str, str]:

@@ -62,22 +62,35 @@ def movie(options: argparse.Namespace) -> None:
     if not period.speed:
         raise ConfigurationError('the crank is at rest: a movie needs a speed, such as --rpm 30')
     print_notes([period.gap_note])
-    pace = float(period.time[-1]) / (_SECONDS * period.turns)
     words = f'{about}, {speed}'
     with folder(path.parent):
         if path.suffix == '.html':
-            series = [digit * 10.0**k for k in range(-9, 10) for digit in (1, 2, 5)]
-            nearest = min(range(len(series)), key=lambda i: abs(math.log(series[i] / pace)))
-            paces = sorted({1.0, *series[nearest - _PACES : nearest + _PACES + 1]})
-            page = movie_page(
-                name, words, period, [(x, _slower(x)) for x in paces], series[nearest]
-            )
-            path.write_text(page, encoding='utf-8')
+            path.write_text(page_of(period, name, words), encoding='utf-8')
         else:
-            words = f'{words}, {_slower(pace)}'
+            words = f'{words}, {_slower(_pace(period))}'
             save = _save_gif if path.suffix == '.gif' else _save_mp4
             save(_film(period, name, words), path)
     print(*doubts(design), f'{name}, {words}', path, sep='\n')
+
+
+def page_of(period: Period, name: str, words: str) -> str:
+    """Makes the page of a period, with playing speeds around one turn in three seconds.
+
+    Args:
+        period: The period; its speed is not 0.
+        name: Name of the mechanism.
+        words: Description of the mechanism and its motion.
+    """
+    series = [digit * 10.0**k for k in range(-9, 10) for digit in (1, 2, 5)]
+    pace = _pace(period)
+    nearest = min(range(len(series)), key=lambda i: abs(math.log(series[i] / pace)))
+    paces = sorted({1.0, *series[nearest - _PACES : nearest + _PACES + 1]})
+    return movie_page(name, words, period, [(x, _slower(x)) for x in paces], series[nearest])
+
+
+def _pace(period: Period) -> float:
+    """Returns the playing speed, relative to real time, of one turn in three seconds."""
+    return float(period.time[-1]) / (_SECONDS * period.turns)
 
 
 def _slower(pace: float) -> str:

@@ -41,7 +41,7 @@ from linkage_ros.quantities import Angle, leaves
 
 _DRAWN_AT = 45.0  # crank angle of a mechanism that turns fully and is given by lengths, deg
 # Inches: height of the drawing, of a line of text, and margin.
-_HIGH, _LINE, _ROOM = 6.2, 0.165, 0.35
+HIGH, _LINE, _ROOM = 6.2, 0.165, 0.35
 _CHARACTERS = 118  # in a line of text
 _ARROW = 9.0  # length of the arrow of a link's direction, points
 _MARKS = 4.0  # length of the arrow of a slide's direction, in marks of the drawing
@@ -125,13 +125,13 @@ def sketch(options: argparse.Namespace) -> None:
     with folder(options.out):
         wrap = functools.partial(textwrap.wrap, width=_CHARACTERS, subsequent_indent='    ')
         written = [*itertools.chain(*map(wrap, lines))]
-        height = _ROOM + _HIGH + _LINE * len(written) + 0.15
+        height = _ROOM + HIGH + _LINE * len(written) + 0.15
         with chart(files, height, layout=None) as figure:
             figure.text(0.02, 1 - 0.12 / height, name, va='top', weight='bold', fontsize=TEXT)
-            axes = figure.add_axes((0.02, 1 - (_ROOM + _HIGH) / height, 0.96, _HIGH / height))
-            _draw(axes, sketched, with_dimensions=options.dimensions)
+            axes = figure.add_axes((0.02, 1 - (_ROOM + HIGH) / height, 0.96, HIGH / height))
+            draw(axes, sketched, with_dimensions=options.dimensions)
             figure.text(
-                0.3 / WIDTH, 1 - (_ROOM + _HIGH + 0.05) / height, '\n'.join(written), va='top',
+                0.3 / WIDTH, 1 - (_ROOM + HIGH + 0.05) / height, '\n'.join(written), va='top',
                 family='monospace', fontsize=NUMBERS - 0.5, linespacing=1.25,
             )  # fmt: skip
     print(name, *lines, *files.paths, sep='\n')
@@ -401,7 +401,7 @@ class _Label(NamedTuple):
     bold: bool = False
 
 
-def _draw(axes: Axes, sketched: Sketched, *, with_dimensions: bool) -> None:
+def draw(axes: Axes, sketched: Sketched, *, with_dimensions: bool) -> None:
     """Draws the mechanism with all names."""
     drawing = sketched.drawing
     loaded = Drawing(sketched.design.mechanism, sketched.place)

@@ -1,0 +1,145 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sketch, table and moving page of a mechanism or a log, to display in a notebook."""
+
+import base64
+import html
+import io
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from linkage_lab.charts.movie import page_of
+from linkage_lab.charts.sketch import HIGH, describe, draw, sketch_of
+from linkage_lab.output import DPI, STYLE, WIDTH, rounded
+from linkage_lab.period import Period, logged_period, period_to_show
+from linkage_ros import Drawing, LinkageError, Mechanism, Solver, load
+from linkage_ros.internals import Configuration, configuration_of, logged_states
+
+Thing: TypeAlias = str | Path | Mechanism | Drawing | Solver | Configuration
+
+_MOST = 4000  # states of a log that are shown
+_RPM = 60.0  # of a mechanism without a speed of its own
+_HEIGHT = 820  # of the page, px
+_CELL = 'padding: 0 1em 0 0; font-variant-numeric: tabular-nums; text-align:'
+
+
+class Shown:
+    """What a notebook displays.
+
+    Attributes:
+        title: One line that describes it.
+    """
+
+    def __init__(self, title: str, parts: Iterable[str]) -> None:
+        """Joins the parts, which are HTML."""
+        self.title = title
+        self._html = '\n'.join((f'<h3>{html.escape(title)}</h3>', *parts))
+
+    def __repr__(self) -> str:
+        return f'<Shown: {self.title}>'
+
+    def __str__(self) -> str:
+        return self._html
+
+    def _repr_html_(self) -> str:
+        return self._html
+
+
+class _Motion(NamedTuple):
+    """A motion to show: its name, its description, and the motion."""
+
+    name: str
+    words: str
+    period: Period
+
+
+def show(thing: Thing, rpm: float | None) -> Shown:
+    """See `linkage_lab.show`."""
+    path = Path(thing) if isinstance(thing, (str, Path)) else None
+    if path is not None and (path.suffix == '.mcap' or path.is_dir()):
+        design, motion = _logged(path)
+    else:
+        design = _configured(thing, rpm)
+        motion = None
+    name = motion.name if motion else path.stem if path else type(design.mechanism).__name__
+    sketched = sketch_of(design)
+    figure = Figure(figsize=(WIDTH, HIGH), dpi=DPI)
+    with rc_context(STYLE):
+        draw(figure.add_axes((0.02, 0.02, 0.96, 0.96)), sketched, with_dimensions=False)
+        picture = io.BytesIO()
+        figure.savefig(picture, format='png', bbox_inches='tight')
+    lines, source = '\n'.join(describe(sketched)), base64.b64encode(picture.getvalue()).decode()
+    parts = [
+        f'<img style="max-width: 100%" alt="sketch" src="data:image/png;base64,{source}">',
+        f'<pre>{html.escape(lines)}</pre>',
+    ]
+    try:
+        motion = motion or _periodic(name, design, rpm)
+        parts += [_table(motion.period), _frame(page_of(motion.period, name, motion.words))]
+    except LinkageError as error:  # the sketch shows the mechanism without a motion, too
+        parts.append(f'<p>No motion: {html.escape(str(error))}</p>')
+    return Shown(f'{name}: {motion.words if motion else repr(design.mechanism)}', parts)
+
+
+def _configured(thing: Any, rpm: float | None) -> Configuration:
+    if isinstance(thing, Configuration):
+        return thing
+    if isinstance(thing, (str, Path)):
+        return load(str(thing))
+    made = thing.mechanism if isinstance(thing, Solver) else thing
+    return configuration_of(made, _RPM if rpm is None else rpm)
+
+
+def _logged(path: Path) -> tuple[Configuration, _Motion]:
+    """Reads a log, up to the first step of its clock backwards.
+
+    Raises:
+        LogError: The log cannot be read.
+    """
+    design, time, rows, torque = logged_states(path, _MOST)
+    count = int(np.append(np.diff(time) > 0, False).argmin()) + 1
+    period = logged_period(design.mechanism, time[:count], rows[..., :count], torque[:count])
+    words = f'{count} states of the log, {rounded(float(time[count - 1]))} s'
+    return design, _Motion(path.name, words, period)
+
+
+def _periodic(name: str, design: Configuration, rpm: float | None) -> _Motion:
+    """Computes the motion of a configuration, as `linkage_chart motion` does.
+
+    Raises:
+        LinkageError: The configuration has no motion to show.
+    """
+    own = design.drive.law(design.mechanism.structure().driven_link) is None
+    period, (_, about, speed, *_) = period_to_show(name, design, rpm if own else None)
+    return _Motion(name, f'{about}, {speed}', period)
+
+
+def _table(period: Period) -> str:
+    """Makes a table of the smallest and the largest value of each quantity."""
+    rows = [('', '', 'smallest', 'largest')]
+    for name, (unit, values) in period.columns.items():
+        if unit.startswith('rad') and not unit.startswith('rad/s'):
+            unit, values = f'deg{unit[3:]}', np.degrees(values)
+        low, high = (rounded(float(x)) for x in (values.min(), values.max()))
+        rows.append((name, unit, low, high))
+    lines = (
+        ''.join(
+            f'<td style="{_CELL} {"right" if i > 1 else "left"}">{html.escape(cell)}</td>'
+            for i, cell in enumerate(row)
+        )
+        for row in rows
+    )
+    return f'<table>{"".join(f"<tr>{line}</tr>" for line in lines)}</table>'
+
+
+def _frame(page: str) -> str:
+    """Embeds a page, whose script must not see the notebook."""
+    return (
+        f'<iframe sandbox="allow-scripts" style="width: 100%; height: {_HEIGHT}px; border: 0" '
+        f'srcdoc="{html.escape(page)}"></iframe>'
+    )
