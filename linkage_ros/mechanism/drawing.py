@@ -357,7 +357,7 @@ def _bad_cylinders(drawing: Drawing) -> Iterator[str]:
 
 
 def _rigid_pairs(drawing: Drawing) -> Iterator[str]:
-    """Yields links that two pins join to one, and links on two fixed pins."""
+    """Yields a message for each link on two fixed pins, and for each two links that share two."""
     for link in drawing.links:
         fixed = [pin for pin in link.pins if pin in drawing.frame]
         if len(fixed) > 1:
@@ -375,7 +375,7 @@ def _rigid_pairs(drawing: Drawing) -> Iterator[str]:
 
 
 def _loose_parts(drawing: Drawing) -> Iterator[str]:
-    """Yields links and slides that fewer than two joints hold."""
+    """Yields a message for each link or slide that fewer than two joints hold."""
     moving = [
         (label, part, pins)
         for label, part, pins in _parts(drawing)

@@ -93,6 +93,7 @@ def _zero(configuration: Configuration) -> Iterator[str]:
 
 
 def _angles(configuration: Configuration) -> Iterator[str]:
+    """Notes angles of more than a turn, which were probably meant in degrees."""
     values = configuration.parameters()
     links = configuration.mechanism.structure().links
     turning = [f'joints.{link.name}.zero' for link in links if not link.slides]

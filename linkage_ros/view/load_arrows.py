@@ -159,8 +159,8 @@ class LoadArrows:
         found: dict[str, tuple[Any, Any]] = {
             link: (np.broadcast_to(effort, size), None) for link, effort in exerted.efforts.items()
         }
-        for name, (*_, force, at) in exerted.forces.items():
-            arrow, foot = (np.broadcast_to(x + 1j * y, size) for x, y in (force, at))
+        for name, load in exerted.forces.items():
+            arrow, foot = (np.broadcast_to(x + 1j * y, size) for x, y in (load.force, load.at))
             found[name] = arrow, foot
         return found
 

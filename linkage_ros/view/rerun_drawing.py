@@ -139,21 +139,20 @@ class RerunDrawing:
     def constants(self) -> dict[str, list[rr.AsComponents]]:
         """Returns the components that are sent once, by entity: colours, labels, paths, ground."""
         drawing = self.drawing
-        scale = drawing.scale.mean(axis=0)
-        fixed = [*drawing.ground, drawing.scale, *drawing.paths.values()]
-        owners = [drawing.colors[drawing.owners[x]] for x in drawing.paths]
-        greys = [GREY] * (len(fixed) - len(owners))
+        grey_lines = [*drawing.ground, drawing.scale]
+        path_colors = [drawing.colors[drawing.owners[point]] for point in drawing.paths]
+        scale_label = drawing.scale.mean(axis=0)
         links = len(drawing.joints)
         return {
             LINKAGE: [rr.Transform3D(scale=[1, -1, 1])],  # y is down in Rerun's 2-D views
             _FIXED: [
                 rr.LineStrips2D(
-                    [line.astype(np.float32) for line in fixed], radii=_THIN,
-                    colors=greys + owners,
+                    [x.astype(np.float32) for x in (*grey_lines, *drawing.paths.values())],
+                    radii=_THIN, colors=[GREY] * len(grey_lines) + path_colors,
                 ),
-                _points([*drawing.pivot_labels, scale, *drawing.pivots],
+                _points([*drawing.pivot_labels, scale_label, *drawing.pivots],
                         [*drawing.pivot_names, f'{drawing.scale_length:g} m'],
-                        len(drawing.pivots)),
+                        pins=len(drawing.pivots)),
             ],
             _LOADS: [rr.Points2D.from_fields(colors=SECOND, radii=0.0, show_labels=True)],
             _MOVING: [
@@ -162,7 +161,7 @@ class RerunDrawing:
                     radii=[_THICK] * links + [_MEDIUM] * len(drawing.loaded),
                     draw_order=_FRONT - 1,
                 ),
-                _points(None, drawing.pins, len(drawing.pins)),
+                _points(None, drawing.pins, pins=len(drawing.pins)),
             ],
         }  # fmt: skip
 
@@ -226,8 +225,8 @@ class RerunDrawing:
         )
 
 
-def _points(places: list[Array] | None, names: Collection[str], pins: int) -> rr.Points2D:
-    """Makes labels, as points of radius 0, and pins, as points without labels."""
+def _points(places: list[Array] | None, names: Collection[str], *, pins: int) -> rr.Points2D:
+    """Makes labels, as points of radius 0; then `pins` pins, as points without labels."""
     return rr.Points2D.from_fields(
         positions=places, colors=GREY, draw_order=_FRONT, labels=list(names), show_labels=True,
         radii=[0.0] * len(names) + [_PIN] * pins,

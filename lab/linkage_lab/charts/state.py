@@ -82,7 +82,7 @@ def position_and_speed(design: Any, options: argparse.Namespace) -> tuple[float,
     driven = design.mechanism.structure().driven_link
     place = design.drive.drawn_angle(design.mechanism) if options.at is None else options.at
     if driven.slides:
-        if isinstance(place, Angle):
+        if isinstance(place, Angle):  # it was given in degrees
             raise ConfigurationError(
                 f'--at: {driven.name} is driven and slides; give its position in m'
             )
@@ -93,6 +93,7 @@ def position_and_speed(design: Any, options: argparse.Namespace) -> tuple[float,
         return place, speed, f'{driven.name} at {moves}'
     if options.speed is not None:
         raise ConfigurationError(f'--speed: {driven.name} turns; give --rpm')
+    # With drive: torque the crank starts at start_rpm; a law or a measured crank has no rpm.
     own = getattr(design.drive, 'rpm', getattr(design.drive, 'start_rpm', 0.0))
     rpm = own if options.rpm is None else options.rpm
     moves = f'{math.degrees(place):.6g} deg, {rpm:g} rpm, {options.acceleration:g} rad/s^2'

@@ -112,6 +112,7 @@ def find_loops(robot: Robot, request: Request) -> Loops:
     _require_names(robot, request)
     close = [*request.close]
     if request.weld:
+        # Fixed joints close the loops; as with --close alone, no other closure of the model does.
         joints = [Joint('', FIXED, *pair, IDENTITY) for pair in close]
         robot, close = robot._replace(joints=[*robot.joints, *joints], closures=()), []
     tree = Tree(robot, request.crank)

@@ -70,14 +70,15 @@ class Tree:
         self.leftover: list[Joint] = []
         self._edges: list[Edge] = []
         kept = self._spanning(robot, crank)
-        at: dict[str, list[Joint]] = {link: [] for link in robot.links}
+        joints_at: dict[str, list[Joint]] = {link: [] for link in robot.links}
         for joint in kept:
-            at[joint.parent].append(joint)
-            at[joint.child].append(joint)
+            joints_at[joint.parent].append(joint)
+            joints_at[joint.child].append(joint)
+        # Roots come first: they are no joint's child. Each adds all links that it carries.
         children = {joint.child for joint in kept}
-        for root in sorted(robot.links, key=lambda link: link in children):
-            if root not in self.home:
-                self._grow(root, at, robot.roots.get(root, IDENTITY))
+        for link in sorted(robot.links, key=lambda link: link in children):
+            if link not in self.home:
+                self._grow(link, joints_at, robot.roots.get(link, IDENTITY))
 
     def _spanning(self, robot: Robot, crank: str) -> list[Joint]:
         """Returns the joints of a spanning tree; stores the others in `leftover`."""
@@ -102,7 +103,7 @@ class Tree:
             top[second] = first
         return kept
 
-    def _grow(self, root: str, at: Mapping[str, Sequence[Joint]], base: Transform) -> None:
+    def _grow(self, root: str, joints_at: Mapping[str, Sequence[Joint]], base: Transform) -> None:
         """Adds the bodies that a root carries."""
         self.home[root] = len(self.bodies)
         self.bodies.append(Body({root: IDENTITY}, None, base))
@@ -110,7 +111,7 @@ class Tree:
         while waiting:
             link = waiting.pop()
             own = self.home[link]
-            for joint in at[link]:
+            for joint in joints_at[link]:
                 is_down = joint.parent == link
                 other = joint.child if is_down else joint.parent
                 if other in self.home:
