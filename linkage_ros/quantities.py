@@ -585,7 +585,7 @@ def _built(field: Any, part: Any, values: Mapping[str, object], prefix: str) -> 
     if name in values:
         return part.clean(name, values[name])
     if field.default is MISSING:
-        raise ConfigurationError(f'{name} is missing: must be {part.valid}')
+        raise ConfigurationError(f'{name} is missing: must be {part.valid}, the {part.meaning}')
     return MISSING
 
 

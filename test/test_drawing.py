@@ -392,6 +392,17 @@ def without(group, *names):
     return {name: value for name, value in group.items() if name not in names}
 
 
+def lever(pins=(), **block):
+    """Returns groups of a crank whose block slides in a lever."""
+    return {
+        'links': {'crank': {'pins': ['O', 'A']}, 'lever': {'pins': ['Q', 'T']}},
+        'pins': {'O': (0.0, 0.0), 'A': (30.0, 40.0), 'Q': (0.0, -100.0), 'T': (50.0, 150.0),
+                 **dict(pins)},
+        'slides': {'block': {'pin': 'A', 'on': 'lever', **block}},
+        'frame': ['O', 'Q'], 'cylinders': {},
+    }  # fmt: skip
+
+
 CROSSED = {**PINS, 'Z': (300.0, 0.0)}
 REFUSED = {
     'a pin misspelt': ({'links': {**LINKS, 'rocker': {'pins': ['b', 'Q']}}}, "no pin 'b'"),
@@ -464,7 +475,99 @@ REFUSED = {
         'conrod and ram do not close at .*; change lengths or ends of conrod and ram'),
     'no freedom': (
         {'links': {**LINKS, 'strut': {'pins': ['A', 'Q']}}}, 'strut joins crank and frame at A'),
+    'a link across its guide': (
+        {'slides': {'ram': {**SLIDES['ram'], 'direction': [-30.0, 140.0]}}},
+        'right angles to the line of ram .* correct the direction of the line'),
+    'a slot across its lever': (lever(direction=[140.0, -30.0]), 'from Q to A as drawn'),
+    'a slot that its lever may leave': (
+        lever({'A': (50.0, 0.0)}, direction=[0.0, 1.0]), 'draw its line or a pin elsewhere'),
+    'a rod across its guide': (
+        {'links': {'crank': LINKS['crank'], 'rod': {'pins': ['A', 'B']}}, 'frame': ['O'],
+         'pins': {name: PINS[name] for name in 'OAB'}, 'cylinders': {},
+         'slides': {'ram': {'pin': 'B', 'direction': [-50.0, 90.0]}}},
+        'at B, rod is at right angles to the line of ram'),
+    'links in line': ({'pins': {**PINS, 'B': (85.0, 20.0)}}, 'coupler and rocker are in line'),
+    'links of a dyad in line': (
+        {'links': {**LINKS, 'arm': {'pins': ['P', 'W']}, 'leg': {'pins': ['W', 'V']}},
+         'frame': ['O', 'Q', 'G', 'V'],
+         'pins': {**PINS, 'W': (80.0, 160.0), 'V': (80.0, 200.0)}},
+        'arm and leg are in line at W'),
+    'a pin in m': ({'pins': {**PINS, 'B': (0.12, 0.09)}}, r'did you mean m = \[120, 90\] mm'),
+    'a fixed pin in m': ({'pins': {**PINS, 'Q': (0.14, 0.0)}}, r'did you mean m = \[140, 0\] mm'),
+    'a pin in mm': (
+        {'units': 'm', 'pins': {**{name: (0.001 * x, 0.001 * y) for name, (x, y) in PINS.items()},
+                                'Q': PINS['Q']}}, r'did you mean mm = \[0.14, 0\] m'),
+    'one coordinate': ({'pins': {**PINS, 'A': (30.0,)}}, 'pins.A = .*: must be two numbers'),
+    'a decimal comma': ({'pins': {**PINS, 'A': ('30,0', '40,0')}}, 'pins.A = .* two numbers'),
+    'pins in one text': ({'links': {**LINKS, 'crank': {'pins': 'O, A'}}}, 'a list of names'),
+    'a link without pins': ({'links': {**LINKS, 'crank': {'mass': 1.0}}}, 'crank.pins is missing'),
+    'a part of a link misspelt': (
+        {'links': {**LINKS, 'crank': {'pins': ['O', 'A'], 'masse': 1.0}}}, 'crank has pins, m'),
+    'a slide with two kinds of pins': (
+        {'slides': {'ram': {**SLIDES['ram'], 'pins': ['S', 'B']}}}, 'give pin, or pins for'),
+    'a slide on itself': ({'slides': {'ram': {**SLIDES['ram'], 'on': 'ram'}}}, "on = 'ram': must"),
+    'a slide without any direction': (
+        {'slides': {'ram': {'pin': 'S'}}}, r'missing: .*, the direction \[x, y\] of the line'),
+    'an angle as a direction': (
+        {'slides': {'ram': {'pin': 'S', 'direction': 90.0}}}, 'direction = 90.0: must be two num'),
+    'a cylinder without an end': ({'cylinders': {'gas': {'from': 'G'}}}, 'gas.to is missing'),
+    'a cylinder at no pin': ({'cylinders': {'gas': {'from': 'G', 'to': 'p'}}}, "gas: no pin 'p'"),
+    'a name with a hyphen': (
+        {'links': {**without(LINKS, 'rocker'), 'my-rocker': {'pins': ['B', 'Q']}}}, 'letters,'),
+    'links crossed': (
+        {'links': {**LINKS, 'coupler': {'pins': ['A', 'Q']}, 'rocker': {'pins': ['B', 'P']}}},
+        'rocker is joined to the others at B alone'),
+    'an end as a fixed pin': ({'frame': ['O', 'Q', 'G', 'B']}, 'rocker has B and Q of'),
 }  # fmt: skip
+
+
+LEFT_OUT = None
+SLIDING = {'drawing.input': 'ram', 'drive': 'motion', 'rpm': LEFT_OUT, 'motion.amplitude': 0.01,
+           'motion.frequency': 1.0}  # fmt: skip
+FORCE, SPRING = {'loads.f.kind': 'force', 'loads.f.force': [1.0, 0.0]}, {'loads.f.kind': 'spring'}
+REFUSED_BESIDE = {
+    'no input': ({'drawing.input': LEFT_OUT}, 'drawing.input is missing: .*, the driven link'),
+    'no frame': ({'drawing.frame': LEFT_OUT}, 'drawing.frame is missing: .*, the fixed pins'),
+    'lengths': ({'crank.length': 0.1}, 'only a four_bar .* has crank; leave it out'),
+    'an assembly': ({'assembly': 'open'}, 'has assembly; leave it out'),
+    'no mechanism': ({'mechanism': LEFT_OUT}, 'write mechanism: drawing'),
+    'units beside the drawing': ({'units': 'mm'}, 'indent units below drawing'),
+    'the rpm of a slide': ({'drawing.input': 'ram'}, 'ram slides, so that it has no rpm'),
+    'degrees of a slide': ({**SLIDING, 'motion.center': '10deg'}, 'in m, because the ram slides'),
+    'a slide driven too far': ({**SLIDING, 'motion.center': 7.0}, 'cannot move at 7 m'),
+    'a force at no pin': ({**FORCE, 'loads.f.pin': 'X'}, "no pin 'X'; must be one of A, B,"),
+    'a force on no link': (
+        {**FORCE, 'loads.f.link': 'X', 'loads.f.at': [1.0, 1.0]}, "link = 'X': must be one"),
+    'a force without a place': (
+        {**FORCE, 'loads.f.link': 'rocker'}, 'f.at is missing: give the place on rocker as drawn'),
+    'a force at a pin of others': (
+        {**FORCE, 'loads.f.link': 'rocker', 'loads.f.pin': 'A'}, 'must be one of coupler, crank'),
+    'a spring in no cylinder': (
+        {**SPRING, 'loads.f.cylinder': 'gaz', 'loads.f.stiffness': 1.0}, "'gaz': must be one"),
+    'a spring with one end': (
+        {**SPRING, 'loads.f.pin': 'P', 'loads.f.stiffness': 1.0}, 'f.to_at is missing: give'),
+    'a point of no link': (
+        {'points.p.link': 'rockr', 'points.p.at': [1.0, 1.0]}, "link = 'rockr': must be"),
+    'a point with the name of a pin': (
+        {'points.A.link': 'rocker', 'points.A.at': [1.0, 1.0]}, "point 'A': .* another one"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('mistake', REFUSED_BESIDE)
+def test_a_mistake_beside_the_drawing_is_named_with_its_cure(mistake):
+    changes, words = REFUSED_BESIDE[mistake]
+    given = {name: x for name, x in (values() | changes).items() if x is not LEFT_OUT}
+    with pytest.raises(ConfigurationError, match=words) as error:
+        configure(given)
+    assert '\n' not in str(error.value)
+
+
+def test_a_pin_in_another_unit_is_noted():
+    assert not [line for line in notes(configure(values())) if 'did you mean' in line]
+    given = values(pins={**PINS, 'P': (0.08, 0.12)})
+    (line,) = (line for line in notes(configure(given)) if 'did you mean' in line)
+    assert 'drawing.pins.P' in line
+    assert '[80, 120] mm' in line
 
 
 def test_a_dyad_that_comes_in_line_with_a_parallelogram_is_refused():

@@ -6,7 +6,7 @@ import functools
 import itertools
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NamedTuple, cast
 
@@ -140,6 +140,10 @@ class Mechanism(_FromDrawing):
     def converted(self) -> 'Mechanism':
         """Returns the mechanism; a drawing, which has this method too, is converted to one."""
         return self
+
+    def suspicion(self) -> AbstractContextManager[None]:
+        """Adds what is probably wrong to an error; a drawing, which has this method too, does."""
+        return nullcontext()
 
     def in_own_names(self, text: str) -> str:
         """Returns a text about crank, coupler and so on with the names of the drawing, if any."""

@@ -13,6 +13,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -36,6 +37,9 @@ _RESERVED = {FRAME_NAME, 'world', 'base_link'}
 # rcl reads these as booleans.
 _BOOLEANS = {'y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false'}
 _PLACES = (-1e12, 1e12)
+# A pin that is so far from the others, or so near to the origin, is probably in another unit;
+# relative to the size of the others.
+_FAR, _NEAR = 10.0, 0.01
 
 
 def _center() -> Any:
@@ -220,8 +224,29 @@ class DrawnMechanism(Checked):
     points: Sequence[TracedPoint] = points_field()
 
     def converted(self) -> Mechanism:
-        """Returns the mechanism; see `Drawing.mechanism`."""
-        return self.drawing.mechanism(gravity=self.gravity, loads=self.loads, points=self.points)
+        """Returns the mechanism; see `Drawing.mechanism`.
+
+        Raises:
+            ConfigurationError: There is none; the message has the pins in another unit, too.
+        """
+        with self.suspicion():
+            return self.drawing.mechanism(
+                gravity=self.gravity, loads=self.loads, points=self.points
+            )
+
+    @contextmanager
+    def suspicion(self) -> Iterator[None]:
+        """Adds to an error the pins that are probably in another unit, its probable cause.
+
+        Raises:
+            ConfigurationError: The error.
+        """
+        try:
+            yield
+        except ConfigurationError as error:
+            if not (strange := pins_in_another_unit(self.drawing)):
+                raise
+            raise ConfigurationError('; '.join([*strange, str(error)])) from error
 
     @classmethod
     def drives(cls, values: Mapping[str, object]) -> tuple[tuple[str, ...], str]:
@@ -238,6 +263,33 @@ class DrawnMechanism(Checked):
     def unused(cls, _values: Mapping[str, object]) -> dict[str, str]:
         """See `Mechanism.unused`."""
         return {}
+
+
+def pins_in_another_unit(drawing: Drawing) -> list[str]:
+    """Returns a line for each pin that is among the others only if it is in m, or else in mm.
+
+    If there are many, they may be right, and another pin wrong; none is returned then.
+    """
+    unit, metre = drawing.units, float(UNITS[drawing.units])
+    other, factor = ('mm', float(UNITS['mm'])) if unit == 'm' else ('m', 1 / metre)
+    found = []
+    for name, place in drawing.pins.items():
+        rest = [x for pin, x in drawing.pins.items() if pin != name]
+        low, high = ([end(column) for column in zip(*rest, strict=True)] for end in (min, max))
+        size, meant = math.dist(low, high), [factor * x for x in place]
+        is_alone = _outside(place, low, high) > _FAR * size
+        is_at_origin = factor > 1 and 0 < max(map(abs, place)) < _NEAR * size
+        if (is_alone or is_at_origin) and _outside(meant, low, high) < 0.5 * size:
+            found.append(
+                f'drawing.pins.{name} = [{place[0]:g}, {place[1]:g}] {unit}; did you mean {other} '
+                f'= [{meant[0]:.6g}, {meant[1]:.6g}] {unit}?'
+            )
+    return found if len(found) <= max(1, len(drawing.pins) // 3) else []
+
+
+def _outside(place: Sequence[float], low: Sequence[float], high: Sequence[float]) -> float:
+    """Returns by how much a place is outside a box."""
+    return max(max(x - z, y - x, 0.0) for x, y, z in zip(place, low, high, strict=True))
 
 
 # ---------------------------------------------------------------- checks
@@ -301,7 +353,7 @@ def _bad_lists(drawing: Drawing) -> Iterator[str]:
     lists |= {label: pins for label, _, pins in _parts(drawing)}
     for label, pins in lists.items():
         if len({*pins}) < len(pins):
-            yield f'{label} names one pin twice: {", ".join(pins)}'
+            yield f'{label} names one pin twice: {", ".join(pins)}; leave one out'
         for pin in pins:
             if pin not in drawing.pins:
                 known = listed(drawing.pins)

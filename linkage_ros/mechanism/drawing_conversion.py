@@ -44,6 +44,15 @@ def listed(names: Iterable[str]) -> str:
     return ', '.join(sorted(names)) or 'none'
 
 
+def _untold(what: str) -> str:
+    """Explains that a drawing does not tell an assembly."""
+    cure = ', or correct the direction of the line' if ' line of ' in what else ''
+    return (
+        f'{what} as drawn, so that the drawing does not tell on which side they are joined; draw '
+        f'the machine at another position{cure}'
+    )
+
+
 class _Body(NamedTuple):
     """A moving body of a drawing.
 
@@ -60,6 +69,11 @@ class _Body(NamedTuple):
     part: Any
     on: str = ''
     way: Exact = Exact(Fraction(1), Fraction(0))
+
+
+def _across(pin: str, link: _Body, slide: _Body) -> str:
+    """Returns in words that a link is at right angles to the line of a slide."""
+    return f'at {pin}, {link.name} is at right angles to the line of {slide.name}'
 
 
 class _Base(NamedTuple):
@@ -270,7 +284,8 @@ class Conversion:
                 'coupler': self.body(second, Coupler), 'rocker': self.body(third),
                 'frame': Frame(self.at[B0].length, self.at[B0].angle),
             }  # fmt: skip
-            position, closing = self.at[A].angle, (A, B)
+            position = self.at[A].angle
+            untold = f'{second.name} and {third.name} are in line at {B}'
         elif base.kind is SliderCrank:
             (B,) = rest
             self.turn(second, A, B)
@@ -282,10 +297,11 @@ class Conversion:
                 'slider': Slider(over_root(way.cross(self.at[B]), way.dot(way)), third.part.mass),
                 'frame': Guide(way.angle),
             }
-            position, closing = self.at[A].angle, (A, B)
+            position, untold = self.at[A].angle, _across(B, second, third)
             if self.drawing.input == third.name:
                 parts['input'] = 'slider'
                 position = over_root(way.dot(self.at[B]), way.dot(way))
+                untold = f'{crank.name} and {second.name} are in line at {A}'
         else:
             (B0,) = rest
             arm, way = self.at[A].minus(self.at[B0]), (second.way if second.on else third.way)
@@ -299,10 +315,13 @@ class Conversion:
                 'frame': Frame(self.at[B0].length, self.at[B0].angle),
                 'offset': over_root(way.cross(arm), way.dot(way)),
             }  # fmt: skip
-            position, closing = self.at[A].angle, (A, B0)
+            slide = second if second.on else third
+            position = self.at[A].angle
+            untold = f'the line of {slide.name} is at right angles to that from {B0} to {A}'
             if self.drawing.input != crank.name:
                 parts['input'] = CYLINDER
                 position = over_root(way.dot(arm), way.dot(way))
+                untold = f'{A0}, {A} and {B0} are in line'
             slides = {slide.name for slide in self.drawing.slides}
             block = next((x.name for x in (second, third) if x.name in slides), '')
         drawn = Drawn(
@@ -310,10 +329,15 @@ class Conversion:
             position, block,
         )  # fmt: skip
         kind = cast('Any', base.kind)
-        return self.in_assembly(kind, closing, crank=self.body(crank), drawn=drawn, **parts)
+        return self.in_assembly(kind, untold, crank=self.body(crank), drawn=drawn, **parts)
 
-    def in_assembly(self, kind: Any, pins: tuple[str, ...], **parts: Any) -> Mechanism:
+    def in_assembly(self, kind: Any, untold: str, **parts: Any) -> Mechanism:
         """Returns the mechanism in the assembly whose links are nearest to the drawn ones.
+
+        Args:
+            kind: Class of the mechanism.
+            untold: What is so in a drawing that does not tell the assembly, for the error.
+            **parts: Parts of the mechanism.
 
         Raises:
             ConfigurationError: The drawing does not tell the assembly.
@@ -336,12 +360,14 @@ class Conversion:
             (sine,) = pose.sines
             if abs(sine) > _LEAST_SINE:
                 found.append((off, mechanism))
-        if not found:
+        lengths = [x for x in names if getattr(self.bodies[x].part, 'length', None) is not None]
+        if not found and lengths:
             raise ConfigurationError(
-                f'the links that meet at {pins[-1]} are in line as drawn, or do not reach it, so '
-                f'that the drawing does not tell their assembly: {", ".join(names)}; draw the '
-                'machine at another position'
+                f'with the length given for {" and ".join(lengths)}, {listed(names)} do not close '
+                'where they are drawn; correct length, or draw the machine at another position'
             )
+        if not found:
+            raise ConfigurationError(_untold(untold))
         return cast('Mechanism', min(found, key=lambda pair: pair[0])[1])
 
     # ------------------------------------------------------------ dyads
@@ -413,10 +439,7 @@ class Conversion:
         if guide is not None and line.minus(origin).dot(way) < 0:
             way = Exact(-way.x, -way.y)
         near = self.at[joint].minus(self.at[start])
-        self.require_side(
-            near.dot(way), near, way,
-            f'at {joint}, {first.name} is at right angles to the line of {last.name}',
-        )  # fmt: skip
+        self.require_side(near.dot(way), near, way, _across(joint, first, last))
         zero = origin.foot(line, way).plus(self.at[joint].minus(line))
         self.axes[last.name] = _Axes(self.at[joint], way)
         at, angle = zero.rounded, way.angle
@@ -443,7 +466,7 @@ class Conversion:
             way = Exact(-way.x, -way.y)
         self.require_side(
             arm.dot(way), arm, way,
-            f'{start} and {end} are at right angles to the line of {rod.name} on {barrel.name}',
+            f'the line of {rod.name} is at right angles to that from {end} to {start}',
         )  # fmt: skip
         self.axes[barrel.name] = _Axes(self.at[end], way)
         self.axes[rod.name] = _Axes(self.at[start], way)
@@ -462,10 +485,7 @@ class Conversion:
         """
         sine = over_root(area, first.dot(first) * last.dot(last))
         if abs(sine) < _LEAST_SINE_OF_DYAD:
-            raise ConfigurationError(
-                f'{where} as drawn, so that the drawing does not tell on which side they are '
-                'joined; draw the machine at another position'
-            )
+            raise ConfigurationError(_untold(where))
 
     # ------------------------------------------------------------ bodies and pins
 
@@ -529,17 +549,15 @@ class Conversion:
             if len(owners) == 1 and pin not in self.drawing.frame:
                 yield TracedPoint(pin, owners[0], self.local(owners[0], pin))
 
-    def place(self, label: str, body: str, at: tuple[float, float] | None) -> tuple[float, float]:
+    def place(self, label: str, body: str, at: tuple[float, float]) -> tuple[float, float]:
         """Returns a place [along, across] on a body, m, given as drawn.
 
         Raises:
-            ConfigurationError: There is no such body, or no place.
+            ConfigurationError: There is no such body.
         """
         if body != FRAME_NAME and body not in self.axes:
             names = listed([*self.axes, FRAME_NAME])
             raise ConfigurationError(f'{label} = {shown(body)}: must be one of {names}')
-        if at is None:
-            raise ConfigurationError(f'{label}: give the place on {body} as drawn, [x, y], or pin')
         place = Exact.of(at, self.unit).minus(self.origin)
         return place.rounded if body == FRAME_NAME else self.in_axes(self.axes[body], place)
 
@@ -587,6 +605,10 @@ class Conversion:
                 changes[link], changes[at] = self.place_of_pin(label, given_pin, own)
                 changes[pin] = ''
             elif name:
+                if place is None and self.is_known(name):
+                    raise ConfigurationError(
+                        f'{label}.{at} is missing: give the place on {name} as drawn, or {pin}'
+                    )
                 changes[at] = self.place(f'{label}.{link}', name, place)
         return replace(load, **changes) if changes else load
 

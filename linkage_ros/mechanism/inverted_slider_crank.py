@@ -269,10 +269,13 @@ class InvertedSliderCrank(SlideDriven):
                 'crank or frame'
             )
         if least == 0 or other == 0:
+            cure = 'change the offset or a length'
+            if self.drawn:
+                cure = 'draw its line or a pin elsewhere'
             raise MechanismError(
                 f'the offset of the rod, {self.offset:g} m, is equal to the difference of frame '
                 f'and crank, {d:g} m and {r:g} m, so that the rod has no direction where they are '
-                'in line; change the offset or a length'
+                f'in line; {cure}'
             )
 
     def loop_of(self, description: Description) -> InvertedSliderCrankLoop:

@@ -123,6 +123,11 @@ def configure(values: Mapping[str, object]) -> Configuration:
     mistakes = Mistakes()
     unused = MECHANISMS[kind.mechanism].unused(given)
     unknown = [name for name in given if name not in names]
+    if kind.mechanism != 'drawing' and any(name.startswith('drawing.') for name in unknown):
+        raise ConfigurationError(
+            f'mechanism = {shown(kind.mechanism)}, with a drawing: write mechanism: drawing, or '
+            'leave drawing out'
+        )
     mistakes.count(len(unknown[_EXPLAINED:]))
     for name in unknown[:_EXPLAINED]:
         with mistakes:
@@ -154,7 +159,8 @@ def configure(values: Mapping[str, object]) -> Configuration:
             "joints: a name is '', but with drive: torque each joint must be published, because a "
             'log of it could not be verified'
         )
-    drive.check(mechanism)
+    with made.suspicion():
+        drive.check(mechanism)
     return found
 
 

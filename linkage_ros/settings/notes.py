@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 
 from linkage_ros.errors import UnreachableError
+from linkage_ros.mechanism.drawing import pins_in_another_unit
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.joints import own_joints
@@ -43,6 +44,7 @@ def notes(configuration: Configuration) -> list[str]:
         *_zero(configuration),
         *_angles(configuration),
         *_lengths(configuration),
+        *_pins(configuration),
         *_places(configuration),
         *_masses(configuration),
         *_near_change_point(configuration),
@@ -138,6 +140,12 @@ def _lengths(configuration: Configuration) -> Iterator[str]:
             yield f'{name} = {value:g} m; did you mean {value:g} mm = {value * 1e-3:g} m?'
         elif value < _SHORT:
             yield f'{name} = {value:g} m = {value * 1e3:g} mm; did you mean {value * 1e3:g} m?'
+
+
+def _pins(configuration: Configuration) -> Iterator[str]:
+    """Notes pins of a drawing that are probably in another unit."""
+    if configuration.given is not None:
+        yield from pins_in_another_unit(configuration.given.drawing)
 
 
 def _longest(configuration: Configuration) -> float:
