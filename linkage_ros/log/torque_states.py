@@ -98,26 +98,26 @@ class TorqueStates(TickStates):
         Raises:
             LogError: A value is not finite, or the mechanism has no such coordinates.
         """
-        self._driven = self._described(self._motions[number])
-        table, crank = self._read(rows)
-        link = self._driven_link
-        self._found = np.array([*self._with_driven(table[0], crank), *table[1], table[3, link]])
-        driven, solver = self._driven, self._driven.solver
-        moving = self._rows(driven)[: len(driven.links)]
-        q, u, a = (tuple(row[moving]) for row in table[:3])
-        under = Conditions(forces=forces)
-        self._pushes = np.array([np.broadcast_to(x, len(crank)) for x in under.values])
+        self._driven = driven = self._described(self._motions[number])
+        solver, link, under = driven.solver, self._driven_link, Conditions(forces=forces)
+        table, unwrapped = self._read(rows)
+        positions, rates, accelerations, efforts = table
+        self._found = np.array([*self._with_driven(positions, unwrapped), *rates, efforts[link]])
+        self._pushes = np.array([np.broadcast_to(x, len(unwrapped)) for x in under.values])
+        moving = solver.structure.indices_of(solver.coordinates)
+        q, u, a = (tuple(values[moving]) for values in (positions, rates, accelerations))
         # Use the logged torque of live runs, because it includes commands.
-        torque = self._motor.at(table[1, link]) if self.is_record else table[3, link]
-        if solver.coordinates == self._own.solver.coordinates:
+        torque = self._motor.at(rates[link]) if self.is_record else efforts[link]
+        if driven.is_own:
             if self.is_record:
                 a = solver.accelerations(q, u, torque, under=under)
-            return Coordinates(q, u, a, crank, solver.state(q, u, a, under=under)), None
+            return Coordinates(q, u, a, unwrapped, solver.state(q, u, a, under=under)), None
         state = solver.driven_state(q, u, torque, under=under)
         if driven.turns and not driven.has_driven:
-            pairs = zip(state.position[link].tolist(), crank.tolist(), strict=True)
-            crank = np.array([with_turns(x, turns_between(x, y)) for x, y in pairs])
-        return own_coordinates(solver, state, crank), None
+            # The coordinates determine the crank angle; only its turns are those logged.
+            angles = zip(state.position[link].tolist(), unwrapped.tolist(), strict=True)
+            unwrapped = np.array([with_turns(x, turns_between(x, y)) for x, y in angles])
+        return own_coordinates(solver, state, unwrapped), None
 
     def _described(self, segment: TorqueSegment) -> DrivenMechanism:
         """Returns the driven mechanism in the description of a segment.
@@ -208,7 +208,7 @@ class TorqueStates(TickStates):
     ) -> npt.NDArray[np.bool_]:
         """Returns which states follow from their predecessors, integrating all at once."""
         nothing, half = np.zeros(len(spans), bool), len(driven.links)
-        if driven.solver.coordinates != self._own.solver.coordinates:
+        if not driven.is_own:
             return nothing
         solver = self._fast.described(driven.solver.description).solver
         rows, units = self._rows(driven), np.array(driven.units)[:, None]

@@ -309,8 +309,8 @@ def published(driven: DrivenMechanism, y: Values, pairs: int) -> Coordinates:
         pairs: Pairs of whole turns removed from the crank angle in y.
 
     Returns:
-        The coordinates. They can be recomputed from messages bit for bit, because the reduced
-        crank angle is derived from the rounded unwrapped angle.
+        The coordinates. They can be recomputed from messages bit for bit, because they are
+        computed from the rounded values in messages.
 
     Raises:
         LinkageError: As for `Solver.accelerations`.
@@ -318,16 +318,18 @@ def published(driven: DrivenMechanism, y: Values, pairs: int) -> Coordinates:
     solver, half = driven.solver, len(y) // 2
     if driven.has_driven:
         unwrapped = driven.position(y, pairs)
-        y = driven.wound((unwrapped, *y[1:]))[0]
+        y, _ = driven.wound((unwrapped, *y[1:]))
+        y = y if driven.is_own else legible(driven, y)
+    else:
+        y = legible(driven, y)
+        unwrapped = driven.position(y, pairs)
+    q, u = y[:half], y[half:]
     if driven.is_own:
-        q, u, a = y[:half], y[half:], driven.accelerations(*y)
+        a = driven.accelerations(*y)
         state = None if driven.is_usual else solver.state(q, u, a, under=driven.conditions)
         return Coordinates(q, u, a, unwrapped, state, driven.conditions)
-    y = legible(driven, y)
-    if not driven.has_driven:
-        unwrapped = driven.position(y, pairs)
     torque = driven.torque(driven.speed(y))
-    state = solver.driven_state(y[:half], y[half:], torque, under=driven.conditions)
+    state = solver.driven_state(q, u, torque, under=driven.conditions)
     return own_coordinates(solver, state, unwrapped)
 
 
