@@ -254,24 +254,25 @@ def _neighbors(x: Array, near: Any) -> tuple[Array, Array]:
 def _tops(x: Array, values: Array) -> tuple[Any, Any]:
     """Finds the samples that may be next to the largest value of each function.
 
-    These are local maxima that differ from a neighbour by more than they lack.
+    These are the largest sample, and local maxima whose bound reaches it. The bound of a function
+    next to a sample is the sample's value plus the larger of its differences from its neighbours.
 
     Returns:
         The indices of the functions, and of their samples.
     """
-    rise = np.zeros((len(values), len(x) + 1))
-    rise[:, 1:-1] = np.where(np.diff(x) > SAME, np.diff(values), 0.0)
-    before, after = rise[:, :-1], -rise[:, 1:]
-    score = values + np.maximum(before, after)
+    steps = np.zeros((len(values), len(x) + 1))  # before the first sample, between all, and after
+    steps[:, 1:-1] = np.where(np.diff(x) > SAME, np.diff(values), 0.0)  # not over jumps
+    rise, fall = steps[:, :-1], -steps[:, 1:]  # before and after each sample
+    bound = values + np.maximum(rise, fall)
     noise = _EVEN * np.abs(values).max(axis=1, keepdims=True)
-    wanted = (before >= 0) & (after >= 0) & (before + after > noise)
-    wanted &= score >= values.max(axis=1, keepdims=True)
-    for is_top, row in zip(wanted, score, strict=True):
-        if is_top.sum() > _TOPS:
-            is_top &= row >= np.partition(row[is_top], -_TOPS)[-_TOPS]
-    wanted[np.arange(len(values)), values.argmax(axis=1)] = True
-    row, top = np.nonzero(wanted)
-    return row, top
+    is_top = (rise >= 0) & (fall >= 0) & (rise + fall > noise)
+    is_top &= bound >= values.max(axis=1, keepdims=True)
+    for i, bounds in enumerate(bound):
+        if is_top[i].sum() > _TOPS:
+            is_top[i] &= bounds >= np.partition(bounds[is_top[i]], -_TOPS)[-_TOPS]
+    is_top[np.arange(len(values)), values.argmax(axis=1)] = True
+    row, near = np.nonzero(is_top)
+    return row, near
 
 
 class _Polynomials:
