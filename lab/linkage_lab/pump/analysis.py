@@ -167,7 +167,7 @@ def analyse(
     for start in progress(starts, "Newton's method"):
         search.try_newton(np.array(start))
     ends = [search.settled(start)[0] for start in progress(starts, 'starts')]
-    runs = list(_runs(search, mechanism, speeds))
+    runs = list(_runs(search, mechanism, speeds))  # may find further states
     states = sorted(search.states, key=lambda state: state.motion.speed)
     numbers = {state.motion: number for number, state in enumerate(states)}
     return Analysis(
@@ -180,7 +180,7 @@ def analyse(
             for state in states
         ],
         search.pieces,
-        [Run(name, *course, numbers.get(end)) for name, course, end in runs],
+        [Run(name, times, speeds, numbers.get(end)) for name, times, speeds, end in runs],
         len(starts),
         {reason: ends.count(reason) / len(starts) for reason in REASONS if reason in ends},
     )
@@ -253,23 +253,28 @@ def _starts(mechanism: WindPump, shooting: Shooting) -> Iterator[tuple[float, ..
 
 def _runs(
     search: '_Search', mechanism: WindPump, speeds: Sequence[float]
-) -> Iterator[tuple[str, tuple[Array, Array], Any]]:
-    """Computes the motions for the chart, from given speeds and from beside unstable states."""
+) -> Iterator[tuple[str, Array, Array, Any]]:
+    """Computes the motions for the chart, from given speeds and from beside unstable states.
+
+    Yields:
+        The name of the start, times, crank speeds, and what `_Search.settled` finds.
+    """
     x, v = mechanism.slider.position, mechanism.slider.velocity
-    starts = [(f'{speed:g} rad/s', (x, speed, v)) for speed in speeds]
+    starts = [(f'{speed:g} rad/s', [x, speed, v]) for speed in speeds]
     for state in search.unstable:
+        # Deviations along this eigenvector grow most.
         values, vectors = np.linalg.eig(state.derivative[:, :3])
-        way = vectors[:, np.abs(values).argmax()].real
-        way *= np.copysign(_ASIDE, way[1]) * search.shooting.units[:3]
-        starts += [
-            (f'beside {state.speed:.4g} rad/s, {word}', (state.phase[:3] + sign * way).tolist())
-            for word, sign in (('slower', -1), ('faster', 1))
-        ]
+        away = vectors[:, np.abs(values).argmax()].real
+        faster = away * (np.copysign(_ASIDE, away[1]) * search.shooting.units[:3])
+        name = f'beside {state.speed:.4g} rad/s'
+        starts.append((f'{name}, slower', (state.phase[:3] - faster).tolist()))
+        starts.append((f'{name}, faster', (state.phase[:3] + faster).tolist()))
     ends = [search.settled(start) for _, start in starts]
     times = np.linspace(0.0, max(duration for _, duration in ends), _SAMPLES)
     for (name, start), (end, _) in zip(starts, ends, strict=True):
         found = search.shooting.run(np.array((0.0, *start)), times[-1], times)
-        yield name, (found.t, np.reshape(found.y, (4, -1))[2]), end
+        _, _, speeds_there, _ = np.reshape(found.y, (4, -1))
+        yield name, found.t, speeds_there, end
 
 
 class _Search:
@@ -324,8 +329,9 @@ class _Search:
                 return STRETCHED, time
             if not len(found.y_events[0]):
                 return STOPPED, time
-            new = found.y_events[0].T
-            passages = np.hstack((passages, new[1:, np.cos(new[0]) > 0]))
+            crossings = found.y_events[0].T
+            is_at_0 = np.cos(crossings[0]) > 0  # not at pi, which the crank passes backwards
+            passages = np.hstack((passages, crossings[1:, is_at_0]))
             values = found.y[:, -1]
             values[0] %= TURN
             if not check % _EACH:

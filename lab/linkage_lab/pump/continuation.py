@@ -11,7 +11,7 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -31,14 +31,26 @@ _SHARP, _STRAIGHT = 0.9, 0.98  # cosines of the angle between two steps
 _GAP = 1e-2  # relative difference of two torques between which a doubled period takes over
 
 
+class End(NamedTuple):
+    """An end of a piece of a curve.
+
+    Attributes:
+        torque: Torque of the motor at rest, N m.
+        kind: FOLD, PERIOD_DOUBLING, TORUS, END or LOST.
+    """
+
+    torque: float
+    kind: str
+
+
 @dataclass(eq=False)
 class Piece:
     """A piece of a curve without a change of stability.
 
     Attributes:
         motions: The motions, in their order along the curve.
-        begins_at: Type of the start: FOLD, PERIOD_DOUBLING, TORUS, END or LOST.
-        ends_at: Type of the end; the same types.
+        begins_at: Kind of the start; see `End`.
+        ends_at: Kind of the end.
     """
 
     motions: list[PeriodicMotion]
@@ -51,10 +63,10 @@ class Piece:
         return self.motions[len(self.motions) // 2].stable
 
     @property
-    def ends(self) -> list[tuple[float, str]]:
-        """Torque and type of both ends; the end with the lower torque is first."""
+    def ends(self) -> list[End]:
+        """Both ends, that with the lower torque first."""
         first, last = self.motions[0].torque, self.motions[-1].torque
-        return sorted([(first, self.begins_at), (last, self.ends_at)])
+        return sorted([End(first, self.begins_at), End(last, self.ends_at)])
 
     def states(self, torque: float) -> Iterator[PeriodicMotion]:
         """Finds the motions at a torque of the motor at rest, N m."""
@@ -184,15 +196,19 @@ def bistable_ranges(pieces: Sequence[Piece]) -> list[dict[str, Any]]:
         pieces: The pieces of the curves. Along a stable piece, the torque is monotonic.
 
     Returns:
-        For each range: its ends low and high, N m, and their types low_is and high_is.
+        For each range: its ends low and high, N m, and their kinds low_is and high_is.
     """
     spans = [piece.ends for piece in pieces if piece.stable]
-    ranges: list[dict[str, Any]] = []
-    for (low, low_is), (high, high_is) in itertools.pairwise(sorted(itertools.chain(*spans))):
-        if sum(start <= (low, low_is) and (high, high_is) <= end for start, end in spans) < 2:
+    ranges: list[list[End]] = []
+    for low, high in itertools.pairwise(sorted(itertools.chain(*spans))):
+        states = sum(start <= low and high <= end for start, end in spans)
+        if states < 2:
             continue
-        if ranges and low - ranges[-1]['high'] < _GAP * low:
-            ranges[-1].update(high=high, high_is=high_is)
+        if ranges and low.torque - ranges[-1][1].torque < _GAP * low.torque:
+            ranges[-1][1] = high  # the same range, beyond a period doubling
         else:
-            ranges.append({'low': low, 'high': high, 'low_is': low_is, 'high_is': high_is})
-    return ranges
+            ranges.append([low, high])
+    return [
+        {'low': low.torque, 'high': high.torque, 'low_is': low.kind, 'high_is': high.kind}
+        for low, high in ranges
+    ]
