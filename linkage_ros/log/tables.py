@@ -99,26 +99,35 @@ class _Table:
         Raises:
             ValueError: The bytes are not a message of the topic's type.
         """
-        rows: Sequence[tuple[float, ...]]
-        if self.topic.type == JOINT_STATE.name:
-            stamp, names, *rows = decode_joint_state(data)
-            quantities = _IN_JOINT_STATE
-        elif self.is_of_points:
-            stamp, place = decode_point(data)
-            names, rows, quantities = ['x', 'y', 'z'], [place], ('',)
-        else:
-            stamp, names, ((*rows, _),) = decode_trajectory(data)
-            quantities = QUANTITIES
-        layout = (*names, *map(len, rows))
+        stamp, names, quantities, rows = self._decoded(data)
+        sizes = [*map(len, rows)]
+        layout = (*names, *sizes)
         if layout != self._last:
             self._last = layout
             if layout not in self._layouts:
-                sizes = zip(quantities, map(len, rows), strict=True)
-                self._layouts[layout] = [*self._columns_of(names, sizes)]
+                named = zip(quantities, sizes, strict=True)
+                self._layouts[layout] = [*self._columns_of(names, named)]
             self.complete()  # messages of other layouts lack some of its values
         self.stamps.append(stamp or time)
         for column, value in zip(self._layouts[layout], chain(*rows), strict=True):
             column.append(value)
+
+    def _decoded(
+        self, data: bytes
+    ) -> tuple[int, list[str], Sequence[str], Sequence[tuple[float, ...]]]:
+        """Returns stamp, ns, names, quantities, and the values of each quantity, by the names.
+
+        Raises:
+            ValueError: The bytes are not a message of the topic's type.
+        """
+        if self.topic.type == JOINT_STATE.name:
+            stamp, names, *rows = decode_joint_state(data)
+            return stamp, names, _IN_JOINT_STATE, rows
+        if self.is_of_points:
+            stamp, place = decode_point(data)
+            return stamp, ['x', 'y', 'z'], [''], [place]
+        stamp, names, ((*rows, _),) = decode_trajectory(data)  # one point, and its time
+        return stamp, names, QUANTITIES, rows
 
     def _columns_of(
         self, names: Sequence[str], sizes: Iterable[tuple[str, int]]

@@ -187,18 +187,18 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self._add_rows(times, self._layout.rows(times, stamps, numbers))
 
     def _add_rows(self, times: Sequence[int], rows: bytearray) -> None:
-        layout, logged = self._layout, np.asarray(times, np.uint64)
+        """Appends the messages of states, a row for each state; see `write_states`."""
+        layout, left = self._layout, np.asarray(times, np.uint64)
         while rows:
             start = self.mcap.position
-            room = max(0, CHUNK_SIZE - start) // layout.size + 1
-            some, rows = rows[: room * layout.size], rows[room * layout.size :]
-            now, logged = logged[:room], logged[room:]
-            index = np.empty((len(layout.channels), len(now), 2), np.uint64)
-            index[:, :, 0] = now
-            index[:, :, 1] = np.add.outer(
-                layout.starts, np.arange(start, start + len(some), layout.size)
-            )
-            self.mcap.add_records(some, now, dict(zip(layout.channels, index, strict=True)))
+            count = max(0, CHUNK_SIZE - start) // layout.size + 1  # the last one fills the chunk
+            data, rows = rows[: count * layout.size], rows[count * layout.size :]
+            logged, left = left[:count], left[count:]
+            offsets = np.arange(start, start + len(data), layout.size)  # of the rows
+            index = np.empty((len(layout.channels), len(logged), 2), np.uint64)
+            index[:, :, 0] = logged
+            index[:, :, 1] = np.add.outer(layout.starts, offsets)
+            self.mcap.add_records(data, logged, dict(zip(layout.channels, index, strict=True)))
 
     def write_motion(self, segment: Segment) -> None:
         """Appends a segment of motion."""
