@@ -267,15 +267,16 @@ class SliderCrank(SlideDriven):
         return 'rotating-coupler' if coupler < 0 else 'non-Grashof'
 
     def _transmission(self) -> Transmission:
+        """Returns the transmission, with the angle 2h measured from the guide's normal."""
         r, b, e = self._lengths()
         longest, guide = self._longest(), self.frame.angle
-        far, near = (short_sum(longest, *terms) for terms in self._sums().values())
-        high, low = two_sum(guide, -HALF_PI[0])
+        p, q = (short_sum(longest, *terms) / (2 * b) for terms in self._sums().values())
+        high, error = two_sum(guide, -HALF_PI[0])
         return Transmission(
-            (high, low - HALF_PI[1]),
-            sqrt(r / b) * (-1 if nearest_turns(guide) % 2 else 1),
-            cos_squared=Square.of(far / (2 * b), short_sum(longest, b, e, r) / (2 * b)),
-            sin_squared=Square.of(near / (2 * b), short_sum(longest, b, -e, r) / (2 * b)),
+            reference=(high, error - HALF_PI[1]),
+            kappa=sqrt(r / b) * (-1 if nearest_turns(guide) % 2 else 1),
+            cos_squared=Square.of(p, most=short_sum(longest, b, e, r) / (2 * b)),
+            sin_squared=Square.of(q, most=short_sum(longest, b, -e, r) / (2 * b)),
             refuse=Opaque(lambda crank: self.reach_of_crank().refuse(crank)),
         )
 
