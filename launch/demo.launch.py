@@ -15,6 +15,7 @@ from linkage_ros.node.launching import (
     OUTPUTS,
     demo,
     description,
+    frame_publisher,
     is_asked_for,
     program,
     rviz_file,
@@ -39,6 +40,7 @@ def start(arguments: dict[str, str]) -> list:
     actions = [
         program('linkage_node', namespace, node),
         *state_publisher(arguments, publisher),
+        *frame_publisher(arguments, node),
     ]
     if is_asked_for(arguments, 'rviz'):
         template = Path(__file__).parents[1] / 'rviz' / 'linkage.rviz'

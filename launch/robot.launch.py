@@ -10,6 +10,7 @@ from linkage_ros.node.launching import (
     NAMES,
     OUTPUTS,
     description,
+    frame_publisher,
     program,
     robot,
 )
@@ -38,7 +39,11 @@ def start(arguments: dict[str, str]) -> list:
         ('joint_states', arguments['joint_states']),
         ('robot_description', 'linkage/robot_description'),
     ]
-    return [program('linkage_node', arguments['namespace'], node, remappings), *publishers]
+    return [
+        program('linkage_node', arguments['namespace'], node, remappings),
+        *publishers,
+        *frame_publisher(arguments, node),
+    ]
 
 
 def generate_launch_description():  # noqa: ANN201, launch has no types

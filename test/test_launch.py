@@ -18,6 +18,7 @@ import pytest
 import yaml
 from rclpy.serialization import deserialize_message
 from ros_harness import Listener, fresh_domain, running, stop, wait_for
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from test_control_loop import PERIOD, SOLVER, START, delays, speed_errors
 from test_import import CLOSE, LEG
@@ -329,7 +330,7 @@ def leg(called, tmp_path):
 
 def test_each_joint_of_a_robot_has_one_state_publisher(launched, leg):
     nodes, words = launched(ROBOT, 'robot_state_publisher', measured='/motors', **leg)
-    assert words == []
+    assert [line.split()[0] for line in words] == ['tf2_ros']
     topics, movable = {}, {}
     for name in ('robot_state_publisher', 'linkage_state_publisher'):
         values = values_of(nodes[name])
@@ -357,6 +358,24 @@ def test_each_joint_of_a_robot_has_one_state_publisher(launched, leg):
     answered = set(by_name(heard.received[topic][0]))
     assert answered == {'knee_motor', 'rod_joint', 'knee'}
     assert answered & movable[passive] == {'rod_joint', 'knee'}
+
+
+def test_place_of_the_plane_on_the_robot_is_published(launched, leg):
+    nodes, words = launched(ROBOT, 'tf2_ros', frame_prefix='left/', **leg)
+    given = nodes['static_transform_publisher'].arguments
+    options = dict(zip(given[::2], given[1::2], strict=True))
+    own = ET.fromstring(LEG).find("joint[@name='knee_motor']")
+    x, y, z = (float(options[f'--{axis}']) for axis in 'xyz')
+    turn = Rotation.from_quat([float(options[f'--q{axis}']) for axis in 'xyzw'])
+    normal = turn.apply([0.0, 0.0, 1.0])
+    assert options['--frame-id'] == f'left/{own.find("parent").get("link")}'
+    assert options['--child-frame-id'] == values_of(nodes['linkage_node'])['frame_id']
+    # The joint's axis in the URDF passes through the origin of the plane, along its normal.
+    at, axis = (np.array(own.find(tag).get(name).split(), float)
+                for tag, name in (('origin', 'xyz'), ('axis', 'xyz')))  # fmt: skip
+    assert np.abs(np.cross(at - [x, y, z], normal)).max() < 1e-12
+    assert np.abs(np.cross(axis, normal)).max() < 1e-12
+    assert any('robot_state_publisher is not installed' in line for line in words)
 
 
 def by_name(data):

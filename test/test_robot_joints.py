@@ -246,6 +246,10 @@ def test_measurements_without_the_frame_joint_are_rejected():
     ({**FRAME_JOINT, 'joints.coupler.name': 'hip'}, 'that is a joint of this linkage'),
     ({'frame_joint.pivot': (0.1, 0.2)}, 'frame_joint.name is missing'),
     ({**FRAME_JOINT, 'frame_joint.ratio': 0.0}, 'positive or negative'),
+    ({'plane.origin': [1.0, 2.0, 3.0]}, r'plane\.link is missing'),
+    ({'plane.link': 'thigh', 'plane.origin': [1.0, 2.0]}, 'must be 3 numbers'),
+    ({'plane.link': 'thigh', 'plane.x': [0.0, 0.6, 0.8]}, 'perpendicular'),
+    ({'plane.link': 'thigh', 'plane.x': [0.5, 0.0, 0.0]}, 'length 1'),
     ({**FRAME_JOINT, 'drive': 'speed', 'rpm': 60.0}, 'drive: follow'),
 ])  # fmt: skip
 def test_wrong_frame_joints_are_refused(given, words):

@@ -14,6 +14,7 @@ from xml.etree import ElementTree as ET
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown
 from launch_ros.actions import Node
+from scipy.spatial.transform import Rotation
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.messages.templates import ROOT_FRAME
@@ -184,6 +185,32 @@ def robot(arguments: Mapping[str, str]) -> tuple[Values, list[Any]]:
         publisher['robot_description'] = whole
         actions.append(_state_publisher(arguments, 'robot_state_publisher', publisher, measured))
     return values, actions
+
+
+def frame_publisher(arguments: Mapping[str, str], values: Mapping[str, object]) -> list[Any]:
+    """Returns an action that publishes where the frame of a linkage is on a robot.
+
+    Args:
+        arguments: All arguments of the launch file.
+        values: Parameters of linkage_node.
+
+    Returns:
+        The action; nothing if the parameters have no plane.
+    """
+    plane = configure(values).session.plane
+    if plane is None:
+        return []
+    turn = Rotation.from_matrix(plane.axes()).as_quat()
+    numbers = zip(('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw'), (*plane.origin, *turn), strict=True)
+    options = [word for name, value in numbers for word in (f'--{name}', repr(float(value)))]
+    frames = ('--frame-id', arguments['frame_prefix'] + plane.link)
+    publisher = Node(
+        package='tf2_ros',
+        executable='static_transform_publisher',
+        namespace=arguments['namespace'],
+        arguments=[*frames, '--child-frame-id', str(values['frame_id']), *options],
+    )
+    return [where_installed('tf2_ros', f'place of {values["frame_id"]} in tf', publisher)]
 
 
 def demo(arguments: Mapping[str, str]) -> tuple[Values, Values]:

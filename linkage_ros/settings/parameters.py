@@ -21,6 +21,7 @@ from linkage_ros.messages.urdf import link_of
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.quantities import Checked, Leaf, build, leaves, quantity, shown
 from linkage_ros.settings.joints import joint_leaves
+from linkage_ros.settings.plane import Plane
 
 JOINT_PREFIX = '[A-Za-z0-9_]*'  # regular expression
 # Values of the parameter `viewer`: two of them, and all in words.
@@ -76,6 +77,7 @@ class Session(Checked):
         crank_joint: Name of the driven joint in measurements, commands and trajectories; empty for
             its name in the other messages.
         frame_id: Name of the link that carries the fixed pivots, and frame of the messages.
+        plane: Where frame_id is on a robot; None if that is not known.
         publish_description: Whether to publish robot_description; None to publish it unless the
             robot's joints are given, because the robot has its own.
     """
@@ -99,6 +101,7 @@ class Session(Checked):
         'text', 'link that carries the fixed pivots; joint_prefix does not apply to it',
         pattern='[A-Za-z0-9_][A-Za-z0-9_./-]*', default=ROOT_FRAME,
     )  # fmt: skip
+    plane: Plane | None = None
     publish_description: bool | None = quantity(
         'switch', "publish the linkage's robot_description; default: true without joints",
         default=None,

@@ -87,7 +87,16 @@ def parameter_text(found: RobotDrawing, source: str) -> str:
     frame = found.bodies[FRAME][0]
     # The plane is a frame of its own: traced points are in its axes, not in those of the link.
     frame_id = re.sub('[^A-Za-z0-9_./-]', '_', f'{frame}_plane')
-    values = {'mechanism': 'drawing', 'drive': 'follow', 'frame_id': frame_id}
+    origin, x, y, _ = ((axis + 0.0).tolist() for axis in found.axes)
+    values = {
+        'mechanism': 'drawing',
+        'drive': 'follow',
+        'frame_id': frame_id,
+        'plane.link': frame,
+        'plane.origin': origin,
+        'plane.x': x,
+        'plane.y': y,
+    }
     tree: dict[str, Any] = {}
     for name, value in (values | found.parameters).items():
         *groups, last = name.split('.')
@@ -95,11 +104,8 @@ def parameter_text(found: RobotDrawing, source: str) -> str:
         for group in groups:
             at = at.setdefault(group, {})
         at[last] = value
-    origin, x, y, _ = (', '.join(f'{part:.9g}' for part in axis) for axis in found.axes)
     lines = [
         f'# Written by {_NAME} from {printable(source)}.',
-        f'# {frame_id} in the axes of {printable(frame)}:',
-        f'# origin [{origin}], x [{x}], y [{y}].',
         '/**:',
         '  ros__parameters:',
         *_lines(tree, '    '),
