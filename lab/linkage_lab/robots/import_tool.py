@@ -21,7 +21,6 @@ from linkage_lab.robots.robot_drawing import RobotDrawing, draw_robot
 from linkage_lab.robots.sdf import read_sdf
 from linkage_lab.robots.urdf import read_urdf
 from linkage_ros import ConfigurationError, Solver, cli
-from linkage_ros.extensions import MECHANISMS
 from linkage_ros.internals import (
     configure,
     create_file,
@@ -126,45 +125,52 @@ def _lines(tree: Mapping[str, Any], indent: str) -> Iterator[str]:
             yield f'{indent}{name}: {{{", ".join(parts)}}}'
 
 
-def summary(found: RobotDrawing) -> str:
+def summary(found: RobotDrawing, mechanism_words: str) -> str:
     """Describes what was found: each link with its joint, and the residual of the loops."""
-    values, mechanism = found.values, found.mechanism
-    kind = next(name for name, kind in MECHANISMS.items() if kind is type(mechanism))
-    dyads = len(mechanism.dyads)
-    more = f' and {dyads} dyad{"s" if dyads > 1 else ""}' if dyads else ''
     normal = ', '.join(f'{part:.6g}' for part in found.axes[-1])
+    closed = 'closed' if found.is_closed else 'as nearly closed as its axes allow'
     lines = [
-        f'{kind}{more}, in the plane normal to [{normal}] of {found.bodies[FRAME][0]}',
+        f'{mechanism_words}, in the plane normal to [{normal}] of {found.bodies[FRAME][0]}',
         f'  frame: {_named(found.bodies[FRAME])}',
+        *_link_lines(found),
+        f'  gravity: {_gravity_words(found.values)}',
+        f'as given, the ends of the loops are {found.gap:.3g} m apart: {_pose_words(found.given)}',
+        f'{closed}, with a residual of {found.residual:.2g} m: {_pose_words(found.closed)}',
     ]
-    for link, joint in found.joints.items():
-        part = mechanism.parts()[link]
-        what = [f'{part.length:.9g} m'] if hasattr(part, 'length') else []
-        what.append(f'{part.mass:.9g} kg')
-        if getattr(part, 'inertia', 0.0):
-            what.append(f'{part.inertia:.6g} kg m^2')
-        lines.append(f'  {link}: {_named(found.bodies[link])}, {", ".join(what)}')
-        own = f'own - {joint.zero:.9g}'
-        lines.append(
-            f'    {joint.name} = {joint.ratio:g} x ({own})'
-            + (f', from {joint.parent}' if joint.parent else '')
-        )
-    x, y = values['gravity']
-    lines.append(f'  gravity: [{x:.6g}, {y:.6g}] m/s^2')
-    if 'frame_joint.name' in values:
-        (x, y), ratio = values['frame_joint.pivot'], values['frame_joint.ratio']
-        lines[-1] += f' with {values["frame_joint.name"]} at 0, which turns the frame'
-        lines[-1] += f' by {ratio:g} x its value about [{x:.9g}, {y:.9g}] m'
-    given, closed = (
-        ', '.join(f'{name} {value:.9g}' for name, value in pose.items())
-        for pose in (found.given, found.closed)
-    )
-    lines.append(f'as given, the ends of the loops are {found.gap:.3g} m apart: {given}')
-    word = 'closed' if found.is_closed else 'as nearly closed as its axes allow'
-    lines.append(f'{word}, with a residual of {found.residual:.2g} m: {closed}')
     if found.across > _LAYER:
         lines.append(f'the ends stay {found.across:.6g} m apart along the normal')
     return '\n'.join([*lines, *(f'note: {note}' for note in found.notes)])
+
+
+def _link_lines(found: RobotDrawing) -> Iterator[str]:
+    """Yields two lines for each link: its part, and its joint."""
+    parts = found.mechanism.parts()
+    for link, joint in found.joints.items():
+        part = parts[link]
+        values = [f'{part.length:.9g} m'] if hasattr(part, 'length') else []
+        values.append(f'{part.mass:.9g} kg')
+        if getattr(part, 'inertia', 0.0):
+            values.append(f'{part.inertia:.6g} kg m^2')
+        yield f'  {link}: {_named(found.bodies[link])}, {", ".join(values)}'
+        parent = f', from {joint.parent}' if joint.parent else ''
+        yield f'    {joint.name} = {joint.ratio:g} x (own - {joint.zero:.9g}){parent}'
+
+
+def _gravity_words(values: Mapping[str, Any]) -> str:
+    x, y = values['gravity']
+    gravity = f'[{x:.6g}, {y:.6g}] m/s^2'
+    if 'frame_joint.name' not in values:
+        return gravity
+    name, ratio = values['frame_joint.name'], values['frame_joint.ratio']
+    x, y = values['frame_joint.pivot']
+    return (
+        f'{gravity} with {name} at 0, which turns the frame by {ratio:g} x its value about '
+        f'[{x:.9g}, {y:.9g}] m'
+    )
+
+
+def _pose_words(pose: Mapping[str, float]) -> str:
+    return ', '.join(f'{name} {value:.9g}' for name, value in pose.items())
 
 
 def _named(links: Sequence[str]) -> str:
@@ -203,7 +209,7 @@ def import_robot(options: argparse.Namespace) -> None:
         options.out, ConfigurationError, overwrite=options.overwrite, cure='give --overwrite'
     ) as stream:
         stream.write(parameter_text(found, options.robot.name).encode())
-    print(summary(found))
+    print(summary(found, configuration.mechanism_words))
     for line in notes(configuration):
         print(f'note: {line}')
     speed = ' --rpm 30' if Solver(found.mechanism).reach.turns_fully else ''

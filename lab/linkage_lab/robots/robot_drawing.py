@@ -136,8 +136,8 @@ class _Poser:
         ]
         axes = plane.fixed[pin.joint], plane.x, plane.y, plane.normal
         return RobotDrawing(
-            values, drawn.mechanism, drawn.joints, bodies, axes, given, drawn.closed, residual,
-            gap, across, self.size, [*notes],
+            values, drawn.mechanism, drawn.joints, bodies, axes, given=given, closed=drawn.closed,
+            residual=residual, gap=gap, across=across, size=self.size, notes=notes,
         )  # fmt: skip
 
     def _anywhere(self) -> Drawn:

@@ -99,18 +99,18 @@ class _Reader:
 
     def robot(self, gravity: Array) -> Robot:
         """Returns the robot with a given acceleration of gravity, m/s^2."""
-        links = {x.get('name', ''): _inertial(x) for x in self.model.findall('link')}
-        frames = self.model.findall('frame')
-        everything = {'world': None, **links, **{x.get('name', ''): None for x in frames}}
-        poses = {name: self.pose(name) for name in everything}
-        first = self.model.get('canonical_link') or next(iter(links), 'world')
+        bodies = {x.get('name', ''): x for x in self.model.findall('link')}
+        frames = {x.get('name', ''): x for x in self.model.findall('frame')}
+        inertials = {name: _inertial(x) for name, x in bodies.items()}
+        links = {'world': None, **inertials, **dict.fromkeys(frames)}
+        poses = {name: self.pose(name) for name in links}
+        first = self.model.get('canonical_link') or next(iter(bodies), 'world')
         joints = [
-            *(self.attached(frame, poses, first) for frame in frames),
+            *(self.attached(frame, poses, first) for frame in frames.values()),
             *(self.joint(joint, poses) for joint in self.model.findall('joint')),
         ]
-        assumed = {x.get('name', ''): _assumed(x) for x in self.model.findall('link')}
-        doubts = {name: text for name, text in assumed.items() if text}
-        return Robot(everything, joints, [], gravity, poses, doubts=doubts)
+        doubts = {name: text for name, x in bodies.items() if (text := _assumed(x))}
+        return Robot(links, joints, [], gravity, poses, doubts=doubts)
 
     def pose(self, name: str) -> Transform:
         """Returns the pose of a link, frame or joint in the world.
