@@ -181,17 +181,16 @@ class RerunDrawing:
             visual_bounds=rrb.VisualBounds2D(x_range=(left, right), y_range=(-high, -low)),
         )
         drive = 'Force, N' if self._driven.slides else 'Torque, N m'
-        first = [self._plot(drive, VALUES, 0), self._plot('Rates, rad/s', RATES)]
-        second = [self._plot('Angles, deg', DIRECTIONS)]
+        left_plots = [self._plot(drive, VALUES, 0), self._plot('Rates, rad/s', RATES)]
         if self._drive.is_integrated and not self._driven.slides:
-            first.insert(0, self._plot('Crank speed, rad/s', RATES, 0))
-        sliders = [self.drawing.joints[j] for j in self._sliders]
-        names = [f'{name.replace("_", " ").capitalize()}, {unit}'
-                 for unit in ('m', 'm/s') for name in sliders]  # fmt: skip
-        second = [
-            *(self._plot(name, VALUES, number) for number, name in enumerate(names, 1)), *second
-        ]  # fmt: skip
-        parts = linkage, rrb.Horizontal(rrb.Tabs(*first), rrb.Tabs(*second))
+            left_plots.insert(0, self._plot('Crank speed, rad/s', RATES, 0))
+        sliders = [self.drawing.joints[j].replace('_', ' ').capitalize() for j in self._sliders]
+        titles = [f'{name}, {unit}' for unit in ('m', 'm/s') for name in sliders]
+        right_plots = [
+            *(self._plot(title, VALUES, number) for number, title in enumerate(titles, 1)),
+            self._plot('Angles, deg', DIRECTIONS),
+        ]
+        parts = linkage, rrb.Horizontal(rrb.Tabs(*left_plots), rrb.Tabs(*right_plots))
         is_wide = right - left > _WIDE * (high - low)
         return rrb.Blueprint(
             rrb.Vertical(*parts) if is_wide else rrb.Horizontal(*parts, column_shares=[1, 2]),
