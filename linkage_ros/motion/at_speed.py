@@ -82,12 +82,13 @@ class SpeedMotion(Motion):
         self._target = round(Fraction(segment.rpm) * _GRID)
         self._speed = round(segment.speed * _GRID)
         gap = self._target - self._speed
-        rate = round(Fraction(segment.acceleration) * 60 * _TWO_PI_GRID * _GRID / _TWO_PI)
-        rate = max(rate, 1)  # a tiny acceleration must not be treated as an immediate change
+        rpm_per_s = Fraction(segment.acceleration) * 60 * _TWO_PI_GRID / _TWO_PI
+        # A tiny acceleration must not be treated as an immediate change.
+        rate = max(round(rpm_per_s * _GRID), 1)
         self._ramp_ns = math.ceil(Fraction(abs(gap) * NS_PER_S, rate))
         self._rate = rate if gap > 0 else -rate
-        # After the ramp, the phase differs by gap^2 / (2 rate) from that of a crank that has
-        # always turned at the set speed.
+        # After the ramp, the phase differs by gap^2 / (2 rate), in rpm s, from that of a crank
+        # that has always turned at the set speed. A turn is 60 rpm s.
         settled = self._phase - round(Fraction(gap * gap, 120 * self._rate))
         self._settled_phase = settled * (_TURN // _GRID)
         self._settled_speed = _radians(self._target * NS_PER_S, _SPEED_SIZE)
