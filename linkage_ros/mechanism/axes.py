@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Directions of links: a link that slides turns with the one on which it slides."""
+"""What structure alone tells of motion: links with one direction, and links that are rigid."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -35,3 +35,33 @@ def axes_of(links: Sequence[Any], j: int) -> tuple[int | None, float | None]:
         angle += links[above].angle
         above = links[above].parent
     return spin, angle if spin is None or angle else None
+
+
+def carriers_of(pins: Sequence[Any], links: Sequence[Any]) -> list[int | None]:
+    """Returns the link with which each link is rigid.
+
+    A dyad whose two ends are on one link, or on links that are rigid with each other, does not
+    move relative to it.
+
+    Args:
+        pins: The pin joints, each a `structure.Pin`.
+        links: The moving links of a mechanism, each a `structure.Link`.
+
+    Returns:
+        Its index for each link, which is the link's own if it moves; None for the frame.
+    """
+    joints = [(pin.first, pin.second) for pin in pins]
+    joints += [(link.parent, j) for j, link in enumerate(links) if link.slides]
+    found: list[int | None] = [*range(len(links))]
+
+    def held(j: int, first: int) -> set[int | None]:
+        others = (a if b == j else b for a, b in joints if j in {a, b})
+        return {None if k is None else found[k] for k in others if k is None or k < first}
+
+    for i in range(len(links) - 1):
+        j = i + 1
+        is_pair = (i, j) in joints or (j, i) in joints
+        ends = held(i, i), held(j, i)
+        if is_pair and all(ends) and len(ends[0] | ends[1]) == 1:
+            (found[i],) = (found[j],) = ends[0]
+    return found

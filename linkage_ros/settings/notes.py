@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 
 from linkage_ros.errors import UnreachableError
+from linkage_ros.mechanism.axes import carriers_of
 from linkage_ros.mechanism.drawing import pins_in_another_unit
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
@@ -49,6 +50,7 @@ def notes(configuration: Configuration) -> list[str]:
         *_masses(configuration),
         *_near_change_point(configuration),
         *_standing(configuration),
+        *_rigid(configuration),
         *_rate(configuration),
         *_rounding(configuration),
         *_nothing(configuration),
@@ -79,6 +81,19 @@ def _standing(configuration: Configuration) -> Iterator[str]:
             f'{", ".join(still)}: without motion, whatever {solver.structure.driven_link.name} '
             'does; compare the pins of these links and of their neighbours'
         )
+
+
+def _rigid(configuration: Configuration) -> Iterator[str]:
+    """Notes dyads that do not move relative to the link that has both of their ends."""
+    structure = configuration.mechanism.structure()
+    carriers = carriers_of(structure.pins, structure.links)
+    for i in sorted({x for x in carriers if x is not None}):
+        names = [link.name for j, link in enumerate(structure.links) if carriers[j] == i != j]
+        if names:
+            yield (
+                f'{", ".join(names)}: rigid with {structure.links[i].name}, so that their joints '
+                'have no motion and no friction; give them as one link, or correct an end'
+            )
 
 
 def _zero(configuration: Configuration) -> Iterator[str]:

@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, where
-from linkage_ros.mechanism.axes import spin_of
+from linkage_ros.mechanism.axes import carriers_of, spin_of
 from linkage_ros.mechanism.loads.base import AppliedLoad, Contact, LoadedMechanism
 from linkage_ros.mechanism.structure import Link, Pin
 from linkage_ros.numeric import Real
@@ -21,7 +21,7 @@ class Friction(AppliedLoad):
 
     The friction torque in a pin is coefficient x radius x pin force. It opposes the relative
     rotation of the two links. The friction force in the guide is coefficient x normal force. It
-    opposes sliding. Both are 0 at rest.
+    opposes sliding. Both are 0 at rest, and in the joints of links that are rigid with each other.
 
     Attributes:
         pin: Coefficient of friction of the pins.
@@ -94,15 +94,23 @@ class DryFriction(NamedTuple):
     def _rubbing(
         self, pins: Sequence[Pin], links: Sequence[Link], rates: Sequence[Real]
     ) -> Iterator[tuple[str, int, list[int], Real]]:
-        """Yields each joint with friction: its name, link, other link if it moves, and rate."""
+        """Yields each joint with friction: its name, link, other link if it moves, and rate.
+
+        Between rigid links, rounding errors would give a rate.
+        """
+        carriers: dict[int | None, int | None] = {None: None}
+        carriers |= enumerate(carriers_of(pins, links))
         for pin in pins if self.arm is not ZERO else ():
+            if carriers[pin.first] == carriers[pin.second]:
+                continue
             moving = [j for j in (pin.second, pin.first) if j is not None]
             first, *others = sorted(moving, key=lambda j: spin_of(links, j) is None)
             spins = [spin_of(links, j) for j in (first, *others)]
             rate, *other = (ZERO if j is None else rates[j] for j in spins)
             yield pin.name, first, others, rate - (other[0] if other else ZERO)
         for j, link in enumerate(links):
-            if link.slides and self.guide is not ZERO:
+            moves = carriers[j] != carriers[link.parent]
+            if link.slides and moves and self.guide is not ZERO:
                 yield link.name, j, [], rates[j]
 
 
