@@ -73,16 +73,6 @@ def colors_of(links: Iterable[str]) -> dict[str, Color]:
     return {name: found[name] for name in names}
 
 
-def dashes_of(colors: Iterable[Color]) -> list[int]:
-    """Returns how often each colour occurs before, by which lines of one colour are told apart."""
-    seen = list[Color]()
-    found = []
-    for color in colors:
-        found.append(seen.count(color))
-        seen.append(color)
-    return found
-
-
 def mixed(color: Color, other: Color, share: float) -> Color:
     """Mixes two colours.
 

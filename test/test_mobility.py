@@ -420,12 +420,12 @@ def test_swing_is_right_arbitrarily_near_a_change_point(
 def test_description_has_figures_with_units():
     quadrilateral = four_bar((0.1, 0.315, 0.5, 0.425), angle=5.497787143782138)
     assert travel(Solver(quadrilateral)).words() == [
-        'swing 27.307 deg (82.445 to 109.752 deg)',
+        'swing 27.31 deg (82.45 to 109.8 deg)',
         'transmission angle 39.35 to 76.49 deg',
         'time ratio 1.311',
     ]
     assert travel(Solver(slider_crank((1.0, math.sqrt(2), 0.0)))).words() == [
-        'stroke 2 m (0.414214 to 2.41421 m)',
+        'stroke 2 m (0.4142 to 2.414 m)',
         'transmission angle 45 to 135 deg',
         'time ratio 1',
     ]

@@ -7,7 +7,7 @@ import itertools
 import pytest
 
 from linkage_ros import load, preset_names
-from linkage_ros.palette import COLORS, ORANGE, SKY, WHITE, colors_of, dashes_of, fractions
+from linkage_ros.palette import COLORS, ORANGE, SKY, WHITE, colors_of, fractions
 
 LEG = 'crank', 'j', 'bde', 'k', 'c', 'f', 'gih'
 
@@ -35,13 +35,6 @@ def test_no_two_of_eight_links_have_one_color(names):
     colors = colors_of(names)
     assert [*colors] == [*names]
     assert len({*colors.values()}) == len(names)
-
-
-def test_more_links_repeat_the_colors_with_other_dashes():
-    colors = [*colors_of(map(str, range(20))).values()]
-    styles = [*zip(colors, dashes_of(colors), strict=True)]
-    assert len({*styles}) == 20
-    assert max(dashes_of(colors)) == 2
 
 
 def test_colors_of_links_are_visible_on_white_and_on_black():

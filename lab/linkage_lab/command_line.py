@@ -127,6 +127,8 @@ def _parser() -> argparse.ArgumentParser:
                  Quantity('number', 'step of the crank angle in the table, deg; its angles are in '
                           'degrees, and it has the coordinates of the pins', '', 0.01, 180.0),
                  {'metavar': 'STEP', 'note': ' (default: about 0.5 deg, in SI units)'}),
+                (('--dimensions',), None,
+                 {'action': 'store_true', 'help': 'add the lengths of the links to the sketch'}),
                 (('--reactions',), None,
                  {'action': 'store_true', 'help': 'add joint forces, shaking force and moment'}),
                 _OUT, _FORMAT,

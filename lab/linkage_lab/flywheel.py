@@ -374,8 +374,8 @@ def _draw_cycles(
         curves.append((speeds, bare.crank, _RPM * bare.velocity, FIRST, 'without flywheel'))
     for axes, crank, values, color, label in curves:
         axes.plot(np.degrees(crank), values, color=fractions(color), label=label)
-    over(torques, period.marks, 'Torque, N m')
-    over(speeds, period.marks, 'Crank speed, rpm')
+    over(torques, period, 'Torque, N m')
+    over(speeds, period, 'Crank speed, rpm')
     speeds.set_xlabel('Crank angle, deg')
 
 

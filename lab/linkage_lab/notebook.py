@@ -14,7 +14,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from linkage_lab.charts.movie import page_of
-from linkage_lab.charts.sketch import HIGH, describe, draw, sketch_of
+from linkage_lab.charts.sketch import HIGH, describe, draw_sketch, sketch_of
 from linkage_lab.output import DPI, STYLE, WIDTH, rounded
 from linkage_lab.period import Period, logged_period, period_to_show
 from linkage_ros import Drawing, LinkageError, Mechanism, Solver, load
@@ -70,7 +70,7 @@ def show(thing: Thing, rpm: float | None) -> Shown:
     sketched = sketch_of(design)
     figure = Figure(figsize=(WIDTH, HIGH), dpi=DPI)
     with rc_context(STYLE):
-        draw(figure.add_axes((0.02, 0.02, 0.96, 0.96)), sketched, with_dimensions=False)
+        draw_sketch(figure.add_axes((0.02, 0.02, 0.96, 0.96)), sketched, with_dimensions=False)
         picture = io.BytesIO()
         figure.savefig(picture, format='png', bbox_inches='tight')
     lines, source = '\n'.join(describe(sketched)), base64.b64encode(picture.getvalue()).decode()

@@ -31,10 +31,18 @@ STYLE: dict[Any, Any] = {
     'xtick.labelsize': NUMBERS, 'ytick.labelsize': NUMBERS, 'text.parse_math': False,
     'axes.grid': True, 'axes.axisbelow': True, 'grid.color': '0.88', 'grid.linewidth': 0.6,
     'legend.frameon': False, 'axes.formatter.useoffset': False,
+    'axes.formatter.limits': (-12, 12),
 }  # fmt: skip
 _UNDISTURBED = 0.95  # share of a processor above which times are trusted
 _AROUND = 16  # steps beside an infinite value, beyond whose values a diagram need not reach
-_DASHES: tuple[Any, ...] = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
+# Told apart in grey: solid, long dashes, dots, dash and dot, dash and two dots, short dashes, long
+# and short dashes.
+_DASHES: tuple[Any, ...] = (
+    '-', (0, (6, 2)), (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5)), (0, (6, 1.5, 1, 1.5, 1, 1.5)),
+    (0, (2.5, 1.8)), (0, (9, 1.5, 3, 1.5)),
+)  # fmt: skip
+_ANGLES = 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440  # steps of ticks, deg
+_LEVELS = 5  # most intervals between the ticks of a vertical axis
 # Metadata with the source of a picture, by format. Quoting leaves no special characters, and the
 # closing one separates the source from what follows, such as a checksum.
 _METADATA = {'.png': 'Source', '.svg': 'Source', '.pdf': 'Subject'}
@@ -154,7 +162,7 @@ def rounded(value: float) -> str:
 
 
 def dash(number: int) -> Any:
-    """Returns the style of a line that may coincide with others, or shares its colour."""
+    """Returns the style of a line, by which it is told apart in grey."""
     return _DASHES[number % len(_DASHES)]
 
 
@@ -219,10 +227,37 @@ def shown_range(rows: Sequence[Array], limits: tuple[float, float]) -> tuple[flo
     return low - margin, high + margin
 
 
-def over(axes: Any, marks: Array, label: str, parts: int = 8) -> None:
-    """Formats axes over increasing values, with `parts` equal intervals and a line at y = 0."""
-    ends = marks[0], marks[-1]
-    axes.set(xlim=ends, xticks=np.linspace(*ends, parts + 1), ylabel=label)
+def over(axes: Any, period: Any, title: str, parts: int = 8) -> None:
+    """Formats a diagram over a period: its title, round ticks, and a line at 0.
+
+    Args:
+        axes: Axes with their vertical limits.
+        period: The period; see `Period`.
+        title: Title of the diagram, which ends with the unit.
+        parts: Most intervals between the ticks of the horizontal axis.
+    """
+    axes.set_xlim(period.marks[0], period.marks[-1])
+    axes.set_title(title, loc='left', fontsize=SMALL, pad=4)
+    round_ticks(axes.xaxis, period.across.unit, parts)
+    round_ticks(axes.yaxis, title.rpartition(', ')[2], _LEVELS)
     low, high = axes.get_ylim()
     if low < 0 < high:
         axes.axhline(0, color='0.6', linewidth=0.8, zorder=0)
+
+
+def round_ticks(axis: Any, unit: str, parts: int) -> None:
+    """Puts ticks at round values: multiples of 1, 2 or 5 times a power of ten, or round angles.
+
+    Args:
+        axis: An axis with its limits.
+        unit: Its unit; angles are in 'deg'.
+        parts: Most intervals.
+    """
+    from matplotlib.ticker import MaxNLocator, MultipleLocator
+
+    low, high = axis.get_view_interval()
+    steps = [step for step in _ANGLES if (high - low) / step <= parts]
+    if unit == 'deg' and high - low > _ANGLES[0] * parts:
+        axis.set_major_locator(MultipleLocator(steps[0] if steps else _ANGLES[-1]))
+    else:
+        axis.set_major_locator(MaxNLocator(parts, steps=[1, 2, 5, 10]))

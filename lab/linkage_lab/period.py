@@ -431,7 +431,7 @@ def _ranges(period: Period) -> list[str]:
         low, high = float(values.min()), float(values.max())
         if unit == 'rad':
             unit, low, high = 'deg', math.degrees(low), math.degrees(high)
-        words.append(f'{name} {low:.6g} to {high:.6g} {unit}')
+        words.append(f'{name} {low:.4g} to {high:.4g} {unit}')
     return words
 
 

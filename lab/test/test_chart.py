@@ -27,7 +27,7 @@ from ros_harness import assert_refused
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from linkage_lab import command_line, export, output
-from linkage_lab.charts import accuracy, motion, movie
+from linkage_lab.charts import accuracy, movie, sketch
 from linkage_lab.charts.linkage_picture import LinkagePicture
 from linkage_lab.charts.motion import DESIGN_COLORS, _driven_by_loads
 from linkage_lab.command_line import QUANTITIES
@@ -171,7 +171,7 @@ def test_peaks_are_written_next_to_the_curve(drawn, preset):
     columns = drawn[preset].columns
     found = extent(columns['crank_angle [rad]'], columns['driving_torque [N m]'])
     texts = [text.get_text().split() for text in drawn[preset].page.findobj(Text)]
-    (row,) = (text[3:] for text in texts if text[:3] == ['torque', 'N', 'm'])
+    (row,) = (x[4:] for x in texts if len(x) > 4 and x[:4] == ['Driving', 'torque,', 'N', 'm'])
     assert row[::2] == [f'{x:.4g}' for x in (found.low, found.high, found.rms)]
     assert row[1::2] == [f'{math.degrees(x):.1f}' for x in (found.low_at, found.high_at)]
 
@@ -181,8 +181,10 @@ def test_picture_fits_a_page_and_its_axes_are_labelled(drawn, preset):
     page, pixels = drawn[preset].page, drawn[preset].pixels
     assert pixels.shape[0] <= 1800
     _, *diagrams = page.axes
-    assert all(axes.get_ylabel() and axes.get_yticklabels() for axes in diagrams)
-    assert 'rad/s\N{SUPERSCRIPT TWO}' in ''.join(axes.get_ylabel() for axes in diagrams)
+    titles = [axes.get_title('left') for axes in diagrams]
+    assert all(titles)
+    assert all(axes.get_yticklabels() for axes in diagrams)
+    assert 'rad/s\N{SUPERSCRIPT TWO}' in ''.join(titles)
     # All crank angles are below one another, and no quarter of the picture is empty.
     assert len({axes.get_xlim() for axes in diagrams}) == 1
     high, wide = pixels.shape[0] // 2, pixels.shape[1] // 2
@@ -251,11 +253,11 @@ def test_a_drawing_is_shown_as_it_is_drawn(name, called, tmp_path, monkeypatch):
     shown = []
 
     class Picture(LinkagePicture):
-        def __init__(self, axes, drawing, positions, now):
+        def __init__(self, axes, drawing, positions, now, others):
             shown.append(now)
-            super().__init__(axes, drawing, positions, now)
+            super().__init__(axes, drawing, positions, now, others)
 
-    monkeypatch.setattr(motion, 'LinkagePicture', Picture)
+    monkeypatch.setattr(sketch, 'LinkagePicture', Picture)
     file = tmp_path / name
     file.write_text(block(read('docs/drawings.md'), f'# {name}\n'))
     assert called(command_line, 'motion', file, '--out', tmp_path)[0] == 0
@@ -289,8 +291,9 @@ def test_pins_are_named_in_the_drawing(drawn, preset):
         'compressor': ['A0', 'A', 'B'],
         'wind_pump': ['A0', 'D', 'A', 'B'],
     }[preset]
-    scale, *pins = drawing.texts
-    assert sorted(text.get_text() for text in pins) == sorted(names)
+    texts = {text.get_text(): text for text in drawing.texts}
+    pins = [texts[name] for name in names]
+    (scale,) = (text for text in drawing.texts if text.get_text().endswith(' m'))
     assert re.fullmatch(r'([125]|0\.0*[125]) m', scale.get_text())
     # Each name is nearest to its own pin.
     places = drawing.transData.transform([text.xy for text in pins])
@@ -486,7 +489,7 @@ def test_diagrams_of_several_mechanisms_have_titles(tmp_path, called):
     options = '--show', 'position', 'velocity', 'torque', '--format', 'svg', '--out', tmp_path
     called(command_line, 'motion', 'press', 'compressor', *options)
     picture = (tmp_path / 'comparison.svg').read_text(encoding='utf-8')
-    titles = 'Position, m', 'Velocity, m/s', 'torque, N m'  # of one line, or the last line
+    titles = 'Position, m', 'Velocity, m/s', 'Driving torque, N m'
     assert all(f'<!-- {title} -->' in picture for title in titles)
     assert 'Press and' not in picture
 

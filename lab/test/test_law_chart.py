@@ -71,7 +71,7 @@ def test_a_law_is_charted_over_time(tmp_path, called, file, law):
         means = 0.5 * (means[1:] + means[:-1]) * np.diff(time)
         assert steps[smooth] == pytest.approx(means[smooth], abs=2e-4)
     low, high = columns['crank.position [rad]'].min(), columns['crank.position [rad]'].max()
-    assert f'crank {math.degrees(low):.6g} to {math.degrees(high):.6g} deg' in out
+    assert f'crank {math.degrees(low):.4g} to {math.degrees(high):.4g} deg' in out
 
 
 def test_both_sides_of_a_jump_in_acceleration_are_charted(file):
@@ -106,7 +106,7 @@ def test_a_limited_crank_without_a_law_is_charted_over_its_arc(tmp_path, called,
     assert high - crank[-1] == pytest.approx(0.01 * (high - low))
     assert set(columns['crank.velocity [rad/s]']) == {math.pi / 30}
     said = re.search(r'crank ([\d.]+) to ([\d.]+) deg', out)
-    assert [float(x) for x in said.groups()] == pytest.approx(np.degrees(crank[[0, -1]]), rel=1e-5)
+    assert [float(x) for x in said.groups()] == pytest.approx(np.degrees(crank[[0, -1]]), rel=2e-4)
 
 
 @pytest.mark.parametrize(('drive', 'rest'), [('motion', LAWS['points']), ('follow', '')])

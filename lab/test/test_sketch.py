@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from linkage_lab import command_line
-from linkage_lab.charts.sketch import _zero, describe, draw, sketch_of
+from linkage_lab.charts.sketch import _zero, describe, draw_sketch, sketch_of
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.presets import preset_names
 
@@ -54,7 +54,7 @@ def design_of(source):
 def written(design, at=None):
     """Returns the texts of the drawing with dimensions, and their boxes."""
     axes = Figure(figsize=(10.0, 7.0), dpi=140).add_axes((0.02, 0.02, 0.96, 0.96))
-    draw(axes, sketch_of(design, at), with_dimensions=True)
+    draw_sketch(axes, sketch_of(design, at), with_dimensions=True)
     texts = [text for text in axes.texts if text.get_text()]
     return [x.get_text() for x in texts], [x.get_window_extent() for x in texts]
 
@@ -83,7 +83,7 @@ def test_lengths_of_jansens_leg_are_the_published_ones():
     assert {*LENGTHS} <= {*texts}
     assert 'ground 20 N' in texts
     (title, *_) = describe(sketch_of(configure(JANSEN)))
-    assert title.startswith('eight-bar: ')
+    assert title.startswith('eight-bar (four_bar + 2 dyads): ')
 
 
 def test_pin_that_joins_three_links_has_one_name():

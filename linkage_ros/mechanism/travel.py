@@ -50,7 +50,7 @@ class Travel(NamedTuple):
             name, unit = ('stroke', 'm') if self.slides else ('swing', 'deg')
             name = f'{name} of {self.output}' if self.is_drawn else name
             low, high = self.extremes if self.slides else map(math.degrees, self.extremes)
-            words = [f'{name} {high - low:.6g} {unit} ({low:.6g} to {high:.6g} {unit})']
+            words = [f'{name} {high - low:.4g} {unit} ({low:.4g} to {high:.4g} {unit})']
         if self.transmission:
             low, high = (math.degrees(angle) for angle in self.transmission)
             words.append(f'transmission angle {low:.4g} to {high:.4g} deg')

@@ -38,6 +38,7 @@ from linkage_ros.settings.presets import DEFAULT_PRESET, find_file, preset_path
 from linkage_ros.settings.yaml_file import read_parameter_file
 
 _EXPLAINED = 6  # number of unknown names that a message explains
+_BARS = {4: 'four-bar', 6: 'six-bar', 8: 'eight-bar', 10: 'ten-bar'}
 # Parameters that every rclpy node declares.
 _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 
@@ -68,12 +69,16 @@ class Configuration:
 
     @property
     def mechanism_words(self) -> str:
-        """The kind of mechanism; of a drawing, what it shows, such as 'four_bar and 2 dyads'."""
-        if self.given is None:
-            return self.kind.mechanism
+        """The kind of mechanism, such as 'wind_pump' or 'six-bar (four_bar + ram)'."""
         kind = next(name for name, x in MECHANISMS.items() if type(self.mechanism) is x)
-        count = len(self.mechanism.dyads)
-        return f'{kind} and {count} dyad{"s" * (count > 1)}' if count else kind
+        dyads = [dyad.name for dyad in self.mechanism.dyads]
+        if not dyads:
+            return kind
+        count = len(self.mechanism.structure().links) + 1
+        bars = _BARS.get(count, f'{count}-bar')
+        if self.given is not None:  # the names of a drawing's dyads are made from those of links
+            dyads = [f'{len(dyads)} dyad{"s" * (len(dyads) > 1)}']
+        return f'{bars} ({" + ".join([kind, *dyads])})'
 
     @property
     def robot_joints(self) -> tuple[RobotJoint, ...]:

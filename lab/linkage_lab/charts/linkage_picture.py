@@ -10,13 +10,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
-from matplotlib.transforms import Bbox
 
-from linkage_lab.output import SMALL, dash
+from linkage_lab.output import SMALL
 from linkage_ros.formulas import Array
 from linkage_ros.internals import Drawing
-from linkage_ros.palette import DARK, GREY, Color, dashes_of, fractions
+from linkage_ros.palette import DARK, GREY, Color, fractions
 
+# Margin around the drawing, relative to its size; and at least, for names, inches.
+_MARGIN, _NAMES = 0.08, 0.4
+_STEP = 4.0  # between the points of lines that names should not cover, points
 WIDE = 2.2  # a drawing with this ratio of width to height is above text or diagrams
 # A name's distances from its pin, points, and its directions relative to the preferred one, deg;
 # radius of a pin, points.
@@ -45,10 +47,16 @@ class LinkagePicture:
 
     Attributes:
         moving: What `move` changes, from below to above.
-        taken: Boxes of the names of pins, of the pins and of the scale, points.
     """
 
-    def __init__(self, axes: Axes, drawing: Drawing, positions: Array, shown: Array) -> None:
+    def __init__(
+        self,
+        axes: Axes,
+        drawing: Drawing,
+        positions: Array,
+        shown: Array,
+        others: Sequence[Array] = (),
+    ) -> None:
         """Draws the mechanism at the first position, with room for all positions.
 
         Args:
@@ -56,8 +64,9 @@ class LinkagePicture:
             drawing: The drawing.
             positions: Positions of the links along the paths, rad and m, shape (n, links).
             shown: Those to be shown, of the same kind.
+            others: Other lines, which names should not cover, m, shapes (k, 2).
         """
-        self._axes, self._drawing = axes, drawing
+        self._axes, self._drawing, self._others = axes, drawing, others
         tracks = drawing.place(positions)
         for line in drawing.ground:
             self._plot(line, GREY, linewidth=0.9)
@@ -66,12 +75,8 @@ class LinkagePicture:
             width = 1.3 if pin in drawing.traced else 0.8
             self._plot(path, drawing.colors[owner], linewidth=width)
         first, shown = shown[0], drawing.place(shown)
-        styles = [dash(number) for number in dashes_of(drawing.colors.values())]
-        style_of = dict(zip(drawing.joints, styles, strict=True))
         self._links = {
-            link: self._plot(
-                lines.reshape(-1, 2), drawing.colors[link], linewidth=2.6, linestyle=style_of[link]
-            )
+            link: self._plot(lines.reshape(-1, 2), drawing.colors[link], linewidth=2.6)
             for link, lines in drawing.links(shown).items()
         }
         pins = np.concatenate([drawing.pivots, shown.reshape(-1, 2)])
@@ -91,14 +96,16 @@ class LinkagePicture:
             for name in names
         ]
         axes.set_aspect('equal')
-        axes.margins(0.08)
+        box, inch = axes.get_window_extent(), axes.figure.dpi
+        wide, high = (max(_MARGIN, _NAMES * inch / size) for size in (box.width, box.height))
+        axes.margins(wide, high)
         axes.set_axis_off()
         axes.apply_aspect()
         self.moving = [*self._links.values(), self._pins, *self._names]
         self._points_per_pixel = 72 / axes.figure.dpi  # per pixel
-        corners = [text.get_window_extent().get_points() for text in (unit, *self._names)]
-        self._unit, *self._sizes = (Bbox(self._points_per_pixel * corner) for corner in corners)
-        self.taken: list[Bbox] = []
+        boxes = [text.get_window_extent().get_points() for text in (unit, *self._names)]
+        self._unit, *corners = self._points_per_pixel * np.array(boxes)
+        self._sizes = np.ptp(corners, axis=1)
         self.move(first)
 
     def move(self, position: Array) -> None:
@@ -111,8 +118,8 @@ class LinkagePicture:
         self._pins.set_data(*pins.T)
         ways = np.array([*self._asides, *(drawing.labels(now)[0] - now[0])])
         at = self.to_points(pins)
-        self.taken = [self._unit, *(Bbox([pin - _PIN, pin + _PIN]) for pin in at)]
-        places = free_places(at, ways, self._sizes, self.taken, self.page)
+        self._taken = np.array([self._unit, *([pin - _PIN, pin + _PIN] for pin in at)])
+        places = self.free_places(at, ways, self._sizes, self._others)
         for name, pin, place in zip(self._names, pins, places, strict=True):
             name.xy = tuple(pin)
             name.set_position(tuple(place.tolist()))
@@ -121,49 +128,49 @@ class LinkagePicture:
         """Converts places, m, shape (n, 2), to points of the page."""
         return np.asarray(self._points_per_pixel * self._axes.transData.transform(places))
 
-    @property
-    def page(self) -> Bbox:
-        """The page, points."""
-        return Bbox(self._points_per_pixel * self._axes.figure.bbox.get_points())
+    def free_places(
+        self,
+        anchors: Array,
+        ways: Array,
+        sizes: Array,
+        lines: Sequence[Array] = (),
+        distances: Sequence[float] = _DISTANCES,
+    ) -> list[Array]:
+        """Finds places for names one after another.
+
+        The page should not cut them off; they should cover no earlier name or pin, be within the
+        axes, and cover few lines, in this order.
+
+        Args:
+            anchors: Positions of what the names belong to, points, shape (n, 2).
+            ways: Preferred direction of each name from there, of the same shape.
+            sizes: Widths and heights of the names, points, of the same shape.
+            lines: Lines that names should not cover, m, shapes (k, 2).
+            distances: Distances of a name that are tried in turn, points.
+
+        Returns:
+            Positions of the names relative to the anchors, points.
+        """
+        figure, axes = self._axes.figure, self._axes.get_position(original=True)
+        boxes = figure.bbox, axes.transformed(figure.transFigure)
+        page, room = (self._points_per_pixel * box.get_points() for box in boxes)
+        points = np.concatenate([np.empty((0, 2)), *(_dense(self.to_points(x)) for x in lines)])
+        chosen = []
+        for anchor, way, size in zip(anchors, ways, sizes, strict=True):
+            places, half = _places(way, distances), 0.5 * size + 1.0
+            low, high = anchor + places - half, anchor + places + half
+            covers = (low[:, None] < self._taken[:, 1]) & (self._taken[:, 0] < high[:, None])
+            is_on = (low[:, None] < points) & (points < high[:, None])
+            is_cut, is_out = (((low < x[0]) | (x[1] < high)).any(axis=1) for x in (page, room))
+            costs = is_on.all(axis=2).sum(axis=1), is_out, covers.all(axis=2).sum(axis=1), is_cut
+            best = np.lexsort(costs)[0]  # the first of the best ones
+            self._taken = np.concatenate([self._taken, [[low[best], high[best]]]])
+            chosen.append(places[best])
+        return chosen
 
     def _plot(self, points: Array, color: Color, **style: Any) -> Line2D:
         style |= {'color': fractions(color), 'solid_capstyle': 'round'}
         return self._axes.plot(*points.T, **style)[0]
-
-
-def free_places(
-    anchors: Array,
-    ways: Array,
-    sizes: Sequence[Bbox],
-    taken: list[Bbox],
-    page: Bbox,
-    obstacles: Array | None = None,
-    distances: Sequence[float] = _DISTANCES,
-) -> list[Array]:
-    """Finds places for names, so that they overlap no other name; all in points.
-
-    Args:
-        anchors: Positions of what the names belong to, shape (n, 2).
-        ways: Preferred direction of each name from there, of the same shape.
-        sizes: Sizes of the names.
-        taken: Boxes that names must not overlap, to which their own are added.
-        page: The page, beyond which names must not go.
-        obstacles: Points of lines that names should not cover, shape (k, 2).
-        distances: Distances of a name that are tried in turn.
-
-    Returns:
-        Positions of the names relative to the anchors.
-    """
-    chosen = []
-    for anchor, way, size in zip(anchors, ways, sizes, strict=True):
-        half = 0.5 * np.array([size.width, size.height]) + 1.0
-        places = _places(way, distances)
-        boxes = [Bbox([anchor + place - half, anchor + place + half]) for place in places]
-        costs = [_cost(box, page, taken, obstacles) for box in boxes]
-        best = costs.index(min(costs))  # the first of the best ones
-        taken.append(boxes[best])
-        chosen.append(places[best])
-    return chosen
 
 
 def _places(way: Array, distances: Sequence[float]) -> Array:
@@ -179,12 +186,10 @@ def _places(way: Array, distances: Sequence[float]) -> Array:
     return np.stack([places.real, places.imag], axis=1)
 
 
-def _cost(
-    box: Bbox, page: Bbox, taken: Sequence[Bbox], obstacles: Array | None
-) -> tuple[bool, int, int]:
-    """Returns whether the page cuts a name off, and how many names, pins and lines it covers."""
-    is_whole = page.contains(*box.min) and page.contains(*box.max)
-    covered = 0
-    if obstacles is not None:
-        covered = int(((obstacles > box.min) & (obstacles < box.max)).all(axis=1).sum())
-    return not is_whole, box.count_overlaps(taken), covered
+def _dense(line: Array) -> Array:
+    """Returns points along a line, close to each other; all in points."""
+    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    return np.concatenate([
+        start + np.linspace(0, 1, max(2, math.ceil(step / _STEP)))[:, np.newaxis] * (end - start)
+        for start, end, step in zip(line[:-1], line[1:], steps, strict=True)
+    ])  # fmt: skip

@@ -4,20 +4,29 @@
 
 import argparse
 import cmath
-import itertools
 import math
 import re
 import textwrap
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from linkage_lab.charts.linkage_picture import WIDE, LinkagePicture, proportion
-from linkage_lab.command_line import QUANTITIES
+from linkage_lab.charts.curves import (
+    DESIGN_COLORS,
+    NOISE,
+    Curve,
+    Panel,
+    compared,
+    only_in_table,
+    panels,
+)
+from linkage_lab.charts.linkage_picture import WIDE, proportion
+from linkage_lab.charts.sketch import Sketched, draw_sketch, sketch_at
 from linkage_lab.output import (
     NUMBERS,
     TEXT,
@@ -34,54 +43,39 @@ from linkage_lab.output import (
     save_csv,
     shown_range,
 )
-from linkage_lab.period import OVER_TIME, Period, extent, period_to_show, stepped
-from linkage_ros import ConfigurationError, load, palette
+from linkage_lab.period import Extent, Period, extent, period_to_show, stepped
+from linkage_ros import ConfigurationError, load
 from linkage_ros.formulas import Array
-from linkage_ros.palette import BLACK, DARK, GREY, SECOND, Color, dashes_of, fractions
+from linkage_ros.palette import BLACK, fractions, mixed
 
-# Inches. Heights: picture, at most; linkage; linkage above the text; diagram, at most; gap between
-# diagrams; bottom margin; line of text; row of the table.
-_TALLEST, _LINKAGE, _ABOVE, _ROW, _GAP, _FOOT, _LINE, _ROWS = (
+# Inches. Heights: picture, at most; sketch, at least; sketch above the text; diagram; its title
+# and the gap above it; bottom margin; line of text; row of the table; name of a curve.
+_TALLEST, _SKETCH, _ABOVE, _ROW, _TITLE, _FOOT, _LINE, _ROWS, _NAME = (
     12.8,
-    2.9,
-    2.2,
+    3.3,
+    2.6,
     1.5,
-    0.14,
+    0.34,
     0.5,
-    0.17,
-    0.172,
+    0.2,
+    0.165,
+    0.135,
 )
-# Widths: margin left of the diagrams, linkage beside the text, table.
-_MARGIN, _LEFT_OF_TEXT, _TABLE = 1.05, 4.3, 5.4
-_CHARACTER = 0.071  # width of a character of the table
+# Widths: margin left of the diagrams, and right of those without names; sketch beside the text;
+# sample of a line; the line from a curve to its name; character of the table, and of a name.
+_MARGIN, _RIGHT, _BESIDE, _SAMPLE, _LEADER, _CHARACTER, _LETTER = (
+    0.7,
+    0.2,
+    4.2,
+    0.4,
+    0.2,
+    0.072,
+    0.08,
+)
+Box: TypeAlias = tuple[float, float, float, float]
 _SINGLE = 6  # most diagrams in one column
-_SHOWN_AT = 45.0  # crank angle of the picture without a drawing, deg; links rarely overlap there
-_TITLES = {'deg': 'Direction', 'rad/s': 'Rate', 'rad/s\u00b2': 'Acceleration'}
-_FORCES: dict[str, Color] = {
-    'guide': BLACK, 'force.x': BLACK, 'force.y': DARK, 'moment': BLACK, 'power': BLACK,
-}  # fmt: skip
-# Colours of the designs, in order.
-DESIGN_COLORS = (
-    palette.SKY, palette.ORANGE, BLACK, palette.PURPLE, palette.GREEN, palette.BLUE,
-    palette.VERMILION,
-)  # fmt: skip
-
-
-class _Curve(NamedTuple):
-    """A quantity over a period."""
-
-    name: str
-    color: Color
-    unit: str
-    period: Period
-    values: Array
-
-
-class _Panel(NamedTuple):
-    """A diagram: its title, with quantity and unit, and its curves."""
-
-    title: str
-    curves: Sequence[_Curve]
+_LONGEST, _HEADING = 20, 26  # characters of a curve's name, and of a heading beside numbers
+_SHOWN_AT = 45.0  # crank angle of the sketch without a drawing, deg; links rarely overlap there
 
 
 def motion(options: argparse.Namespace) -> None:
@@ -126,7 +120,7 @@ def motion(options: argparse.Namespace) -> None:
             rows = zip(*(values.tolist() for _, values in columns.values()), strict=True)
             save_csv(table, head, ([None if x != x else x for x in row] for row in rows))
             lines = [', '.join(title)]
-            remarks = [*title[1:], f'mean power {rounded(period.mean_power)} W',
+            remarks = [*title[1:], f'mean power {rounded(_mean_power(period))} W',
                        f'shown at {_place(period)}']  # fmt: skip
         if options.fluctuation is not None:
             from linkage_lab.flywheel import size_flywheel  # needs SciPy
@@ -135,9 +129,19 @@ def motion(options: argparse.Namespace) -> None:
             flywheel = pictures(options, f'{names[0]}_flywheel', *options.params)
             lines += size_flywheel(period, motor, options.fluctuation, names[0], flywheel)
             lines += map(str, flywheel.paths)
-        _draw_motion(periods, remarks, options.show, drawn)
+        sketches = {
+            name: sketch_at(design, one, _shown(one))
+            for design, (name, one) in zip(designs, periods.items(), strict=True)
+        }
+        _draw_motion(sketches, periods, remarks, options, drawn)
     driven = [] if options.acceleration else _driven_by_loads(designs, periods)
     print(*doubts(*designs), *driven, *lines, *drawn.paths, table, sep='\n')
+
+
+def _mean_power(period: Period) -> float:
+    """Returns the mean power, W, or 0 if it is a rounding error."""
+    mean, largest = period.mean_power, np.abs(period.columns['driving_power'].values).max()
+    return mean if math.isinf(mean) or abs(mean) > NOISE * largest else 0.0
 
 
 def _driven_by_loads(designs: Iterable[Any], periods: Mapping[str, Period]) -> list[str]:
@@ -205,89 +209,90 @@ def _measures(period: Period) -> dict[str, float | None]:
         ),
         f'peak {word} [{unit}]': max(-torque.low, torque.high),
         f'rms {word} [{unit}]': torque.rms,
-        'mean power [W]': period.mean_power,
+        'mean power [W]': _mean_power(period),
         'peak shaking force [N]': extent(period.x, np.hypot(*force)).high if force else None,
     }
 
 
+class _Row(NamedTuple):
+    """A row of the table: its words, and the curve of whose line it shows a sample."""
+
+    words: str
+    curve: Curve | None = None
+
+
 def _draw_motion(
-    periods: Mapping[str, Period], lines: Sequence[str], show: Collection[str], files: Pictures
+    sketches: Mapping[str, Sketched],
+    periods: Mapping[str, Period],
+    lines: Sequence[str],
+    options: argparse.Namespace,
+    files: Pictures,
 ) -> None:
     """Draws the mechanisms, a table of extreme values, and diagrams over a period.
 
     For several mechanisms, shared diagrams show the motion of the output links and the torques.
 
     Args:
-        periods: Periods by mechanism name; at most as many as `DESIGN_COLORS`.
+        sketches: The mechanisms by name; at most as many as `DESIGN_COLORS`.
+        periods: Their periods.
         lines: Description of the mechanism; empty for several mechanisms.
-        show: Quantities to draw, of `QUANTITIES`.
+        options: Parsed command-line options: diagrams and dimensions.
         files: The files, replaced if they exist.
     """
     first, *others = periods.values()
-    panels = [*(_compared(periods, show) if others else _panels(first, show))]
-    curves = [curve for panel in panels for curve in panel.curves]
-    extra = [] if others else [
-        *(_curve(first, f'{name}.length_rate', f'{name} rate') for name in first.springs),
-        _curve(first, 'driving_power', 'power'),
-    ]  # fmt: skip
-    # The linkage is beside the text, or above it if it is wide or if there are several.
-    above = bool(others) or proportion(first.drawing, first.rows('position')) > WIDE
+    found = compared(periods, options.show) if others else panels(first, options.show)
+    drawn = [panel for panel in found if not panel.is_constant]
+    lines = [*lines, *(_constant(panel) for panel in found if panel.is_constant)]
+    table = _table(drawn, [] if others else only_in_table(first), first)
+    # The sketch is beside the text, or above it if it is wide or if there are several.
+    one = next(iter(sketches.values()))
+    above = bool(others) or proportion(one.drawing, first.rows('position')) > WIDE
     notes = '\n'.join(_wrapped(line, 44 if above else 60) for line in lines)
-    said = 1.25 * _LINE * (notes.count('\n') + 1) + 0.1 if notes else 0.0
-    written = _ROWS * (len(curves) + len(extra) + 2)
-    beside = max(said, written) if above else said + written
-    linkage = (_ABOVE if not others else _LINKAGE) if above else max(_LINKAGE, beside)
-    top = linkage + beside * above
-    columns = 1 if len(panels) <= _SINGLE else 2
-    rows = math.ceil(len(panels) / columns)
-    row = min(_ROW, (_TALLEST - top - _FOOT) / rows - _GAP)
-    height = top + rows * (row + _GAP) + _FOOT
+    said = _LINE * (notes.count('\n') + 1) + 0.15 if notes else 0.0
+    written = _ROWS * len(table) + 0.1
+    sketch = _ABOVE + 0.4 * bool(others) if above else max(_SKETCH, said + written)
+    top = sketch + max(said, written) if above else sketch
+    columns = 1 if len(drawn) <= _SINGLE else 2
+    down = math.ceil(len(drawn) / columns)
+    row = min(_ROW, (_TALLEST - top - _FOOT) / max(1, down) - _TITLE)
+    names = _NAME * max((len(x.curves) for x in drawn if x.has_names), default=0)
+    height = top + down * (max(row, names) + _TITLE) + _FOOT
     with chart(files, height, layout=None) as figure:
-        share = 1 / len(periods) if above else _LEFT_OF_TEXT / WIDTH
-        for i, (name, period) in enumerate(periods.items()):
+        wide = (WIDTH if above else _BESIDE) / len(sketches)
+        for i, (name, sketched) in enumerate(sketches.items()):
             color = DESIGN_COLORS[i] if others else BLACK
-            axes = figure.add_axes((
-                (i + 0.03) * share, 1 - (linkage - 0.05) / height, 0.94 * share,
-                (linkage - 0.5) / height,
-            ))  # fmt: skip
-            positions, now = period.rows('position'), _shown(period)
-            LinkagePicture(axes, period.drawing, positions, positions[now : now + 1])
+            if others:  # the curves have the colours of the designs, not of their links
+                sketched.drawing.colors = dict.fromkeys(sketched.drawing.joints, color)
+            box = _box(height, (i + 0.02) * wide, 0.35, 0.96 * wide, sketch - 0.4)
+            draw_sketch(figure.add_axes(box), sketched, with_dimensions=options.dimensions)
             figure.text(
-                (i + 0.5) * share, 1 - 0.12 / height, textwrap.shorten(name, 40), va='top',
-                ha='center', color=fractions(color), weight='bold', fontsize=TEXT,
+                (i * wide + 0.2) / WIDTH, 1 - 0.12 / height, textwrap.shorten(name, 40), va='top',
+                color=fractions(color), weight='bold', fontsize=TEXT,
             )  # fmt: skip
-        y = linkage if above else 0.15
+        left, start = (0.4, sketch) if above else (_BESIDE + 0.1, 0.15)
         figure.text(
-            (_MARGIN if above else _LEFT_OF_TEXT + 0.1) / WIDTH, 1 - y / height, notes,
-            fontsize=TEXT, va='top', linespacing=1.3,
-        )  # fmt: skip
-        longer = max(0, max(len(curve.name) for curve in curves) - 13)
-        left = (1.0 if not others else 0.5) * (WIDTH - _TABLE - _CHARACTER * longer)
-        grid = figure.add_gridspec(
-            rows, columns, hspace=_GAP / row, wspace=0.27, left=_MARGIN / WIDTH,
-            right=1 - 0.2 / WIDTH, top=1 - (top + _GAP) / height, bottom=_FOOT / height,
-        )  # fmt: skip
-        handles: list[Line2D] = []
-        subplots = grid.subplots(squeeze=False, sharex=True)
-        for axes, panel in itertools.zip_longest(subplots.T.flat, panels):
-            if panel is None:
-                axes.remove()
-            else:
-                handles += _draw(axes, panel)
-        for axes in (*subplots[-1], subplots.T.flat[len(panels) - 1]):  # the last of each column
-            axes.tick_params(labelbottom=True)
-            axes.set_xlabel(f'{first.across.name}, {first.across.unit}', labelpad=1)
-        figure.align_ylabels()
-        blank = Line2D([], [], linestyle='none')
-        at = f'at {first.across.unit}'
-        heading = f'{"":<{14 + longer}}{"":<7}{"min":>10}{at:>7}{"max":>10}{at:>7}{"rms":>10}'
-        figure.legend(
-            [blank, *handles, *(blank for _ in extra)],
-            [heading, *(_extent(curve, 14 + longer) for curve in (*curves, *extra))],
-            loc='upper left', bbox_to_anchor=(left / WIDTH, 1 - (y + said * (not above)) / height),
-            prop={'family': 'monospace', 'size': NUMBERS}, labelspacing=0.35, borderpad=0.0,
-            borderaxespad=0.0, handletextpad=0.5, handlelength=2.4,
-        )  # fmt: skip
+            left / WIDTH, 1 - start / height, notes, fontsize=TEXT, va='top', linespacing=1.3
+        )
+        if above:
+            widest = _SAMPLE + _CHARACTER * max(len(x.words) for x in table)
+            left = WIDTH - widest - 0.3 if notes else 0.5 * (WIDTH - widest)
+        _write_table(figure, table, left, height - (start if above else start + said))
+        _draw_panels(figure, drawn, first, (columns, down), (top, max(row, names)))
+
+
+def _box(height: float, left: float, top: float, wide: float, high: float) -> Box:
+    """Converts a box of a figure, inches from the upper left corner, to shares of the figure."""
+    return left / WIDTH, 1 - (top + high) / height, wide / WIDTH, high / height
+
+
+def _constant(panel: Panel) -> str:
+    """Describes a diagram in which nothing changes, which is not drawn."""
+    values = [rounded(float(curve.values[0])) for curve in panel.curves]
+    if panel.has_names:
+        names = (curve.name for curve in panel.curves)
+        values = [f'{name} {value}' for name, value in zip(names, values, strict=True)]
+    title = panel.title[0].lower() + panel.title[1:]
+    return f'constant: {title} {", ".join(values)} {panel.curves[0].unit}'
 
 
 def _shown(period: Period) -> int:
@@ -320,159 +325,156 @@ def _wrapped(text: str, width: int) -> str:
     return textwrap.fill(bound, width).replace('\N{NO-BREAK SPACE}', ' ')
 
 
-def _panels(period: Period, show: Collection[str]) -> Iterator[_Panel]:
-    """Yields the diagrams of one mechanism."""
-    for quantity in QUANTITIES:
-        if quantity not in show:
-            continue
-        if quantity == 'torque':
-            word = period.effort.removeprefix('driving_')
-            yield _Panel(period.effort_title, [_curve(period, period.effort, word)])
-        elif quantity == 'load':
-            yield from _load_panels(period)
-        elif quantity == 'point':
-            yield from _point_panels(period)
-        else:
-            yield from _link_panels(period, quantity)
-    if 'shaking_moment' in period.columns:
-        yield from _reaction_panels(period)
+def _table(drawn: Sequence[Panel], others: Sequence[Panel], period: Period) -> list[_Row]:
+    """Makes the rows of the table, grouped by diagram, then those of quantities without one."""
+    found = list[tuple[str, Curve | None, str]]()  # name, curve to show, numbers
+    for panel in (*drawn, *others):
+        alone = len(panel.curves) == 1 and len(panel.heading) <= _HEADING
+        found += [] if alone else [(panel.heading, None, '')]
+        for curve, extent_ in zip(panel.curves, panel.measured(), strict=True):
+            name = panel.heading if alone else f'  {_short(curve.name)}'
+            found.append((name, None if panel in others else curve, _numbers(period, extent_)))
+    wide, at = max(len(name) for name, _, x in found if x), f'at {period.across.unit}'
+    heading = f'{"":<{wide}}{"min":>10}{at:>7}{"max":>10}{at:>7}{"rms":>10}'
+    return [_Row(heading), *(_Row(f'{name:<{wide}}{x}', curve) for name, curve, x in found)]
 
 
-def _load_panels(period: Period) -> Iterator[_Panel]:
-    """Yields the diagrams of loads: efforts on links, springs, and forces at points."""
-    efforts = [column for column in period.columns if column.endswith('.load')]
-    curves = [_curve(period, column, column.replace('.', ' ')) for column in efforts]
-    yield from _by_unit(curves, 'Load')
-    springs = period.springs if period.solver.mobility else []
-    for spring in springs:
-        for word in ('length', 'leverage', 'tension'):
-            curve = _curve(period, f'{spring}.{word}', f'{spring} {word}')
-            yield from _by_unit([curve._replace(color=SECOND)])
-    for column in period.columns:
-        load, ending, _ = column.partition('.force.x')
-        if ending and load not in springs:
-            components = _components(period, f'{load}.force', load, SECOND)
-            yield _Panel(f'Force {load}, N', components)
+def _numbers(period: Period, found: Extent) -> str:
+    """Writes extreme values with their places, and the rms."""
+    scale, digits = period.across.scale, f'>7.{1 if period.across.unit == "deg" else 3}f'
+    return (
+        f'{rounded(found.low):>10}{scale * found.low_at:{digits}}'
+        f'{rounded(found.high):>10}{scale * found.high_at:{digits}}{rounded(found.rms):>10}'
+    )
 
 
-def _point_panels(period: Period) -> Iterator[_Panel]:
-    """Yields the diagrams of the positions of traced points."""
-    for point, link in period.solver.structure.traced.items():
-        components = _components(period, f'{point}.position', point, period.colors[link])
-        yield _Panel(f'Point {point}, m', components)
-
-
-def _link_panels(period: Period, quantity: str) -> Iterator[_Panel]:
-    """Yields the diagrams of positions, velocities or accelerations of the links."""
-    driven = period.driven.name
-    has_constant_rate = not np.ptp(period.columns[f'{driven}.velocity'].values)
-    # The position of the driven link is the variable of the diagrams, unless that is the time.
-    says_nothing = has_constant_rate or quantity == 'position'
-    omitted = driven if says_nothing and period.across is not OVER_TIME else None
-    shown = [link for link in period.solver.links if link != omitted]
-    yield from _by_unit([_curve(period, f'{link}.{quantity}', link) for link in shown])
-
-
-def _reaction_panels(period: Period) -> Iterator[_Panel]:
-    """Yields the diagrams of joint forces, shaking force and shaking moment."""
-    columns = period.columns
-    components = [name for name in columns if name.startswith('pin_')]  # such as pin_A.x
-    pins = dict.fromkeys(name[len('pin_') : -len('.x')] for name in components)
-    forces = [_curve(period, f'pin_{pin}.x', pin, f'pin_{pin}.y') for pin in pins]
-    guides = [name for name in columns if name.endswith('.guide_force')]
-    for column in guides:
-        name = 'guide' if len(guides) == 1 else column.removesuffix('.guide_force')
-        forces.append(_curve(period, column, name))
-    yield _Panel('Joint forces, N', forces)
-    shaking = [_curve(period, f'shaking_force.{axis}', f'force.{axis}') for axis in 'xy']
-    yield _Panel('Shaking force, N', shaking)
-    yield _Panel('Shaking moment, N m', [_curve(period, 'shaking_moment', 'moment')])
-
-
-def _compared(periods: Mapping[str, Period], show: Collection[str]) -> Iterator[_Panel]:
-    """Yields the shared diagrams of several mechanisms: motion of the outputs, and torques."""
-    for quantity in QUANTITIES:
-        if quantity not in show or quantity in {'load', 'point'}:
-            continue
-        curves, title = [], quantity.capitalize()
-        for i, (design, period) in enumerate(periods.items()):
-            column = f'{period.solver.output}.{quantity}'
-            if quantity == 'torque':
-                column, title = period.effort, period.effort_name
-            curves.append(_curve(period, column, design)._replace(color=DESIGN_COLORS[i]))
-        yield from _by_unit(curves, fallback=title)
-
-
-def _components(period: Period, column: str, name: str, color: Color) -> list[_Curve]:
-    """Makes the curves of both components of a vector, the x component in the colour."""
-    along_x, along_y = (_curve(period, f'{column}.{axis}', f'{name}.{axis}') for axis in 'xy')
-    return [along_x._replace(color=color), along_y._replace(color=DARK)]
-
-
-def _curve(period: Period, column: str, name: str, across: str = '') -> _Curve:
-    """Makes the curve of a column, or of the magnitude of a vector with two columns."""
-    unit, values = period.columns[column]
-    if across:
-        values = np.hypot(values, period.columns[across].values)
-    if unit == 'rad':
-        unit, values = 'deg', np.degrees(values)
-    unit = unit.replace('^2', '\N{SUPERSCRIPT TWO}')
-    values = np.round(values, 12) + 0.0  # hides rounding errors of constant values
-    return _Curve(name, _color(period, name), unit, period, values)
-
-
-def _color(period: Period, name: str) -> Color:
-    """Returns the colour of a curve: that of the link, of the driven link, or of a pin's force."""
-    link = period.driven.name if name in {'torque', 'force'} else name.split()[0]
-    known = _colors_of_pins(period) | _FORCES | period.colors
-    return known.get(name) or known.get(link, GREY)
-
-
-def _colors_of_pins(period: Period) -> dict[str, Color]:
-    """Returns the colour of each pin's force: that of the link on which it acts, once."""
-    found = dict[str, Color]()
-    for pin in period.solver.structure.pins:
-        color = period.colors[period.solver.links[pin.second]]
-        found[pin.name] = DARK if color in found.values() else color
-    return found
-
-
-def _by_unit(curves: Sequence[_Curve], title: str = '', fallback: str = '') -> Iterator[_Panel]:
-    """Groups curves into one diagram per unit.
+def _write_table(figure: Figure, rows: Sequence[_Row], left: float, top: float) -> None:
+    """Writes the table, each row after a sample of the line of its curve.
 
     Args:
-        curves: The curves.
-        title: Title of all diagrams, without the unit.
-        fallback: Title of diagrams whose unit has none; empty for the names of their curves.
+        figure: The figure.
+        rows: The rows.
+        left: Left end, inches from the left edge.
+        top: Upper end, inches from the lower edge.
     """
-    for unit in dict.fromkeys(curve.unit for curve in curves):
-        group = [curve for curve in curves if curve.unit == unit]
-        names = ' and '.join(curve.name for curve in group).capitalize()
-        yield _Panel(f'{title or _TITLES.get(unit) or fallback or names}, {unit}', group)
+    inches = figure.dpi_scale_trans
+    for i, (words, curve) in enumerate(rows):
+        y = top - (i + 0.5) * _ROWS
+        if curve:
+            sample = _line(curve, [left, left + _SAMPLE], [y, y])
+            sample.set_transform(inches)
+            figure.add_artist(sample)
+        figure.text(
+            left + _SAMPLE + 0.08, y, words, family='monospace', fontsize=NUMBERS,
+            va='center_baseline', transform=inches,
+        )  # fmt: skip
 
 
-def _draw(axes: Axes, panel: _Panel) -> list[Line2D]:
-    """Draws the curves of a diagram; returns their lines."""
-    # Curves of forces may coincide: dashes let the curve below show through.
-    numbers: Iterable[int] = range(len(panel.curves))
-    if panel.curves[0].unit != 'N':
-        numbers = dashes_of(curve.color for curve in panel.curves)
-    lines: list[Line2D] = []
-    for curve, number in zip(panel.curves, numbers, strict=True):
-        marks, color = curve.period.marks, fractions(curve.color)
-        lines += axes.plot(marks, curve.values, linestyle=dash(number), color=color, linewidth=1.6)
+def _line(curve: Curve, x: Any, y: Any) -> Line2D:
+    """Makes a line in the style of a curve."""
+    return Line2D(x, y, color=fractions(curve.color), linestyle=dash(curve.dash), linewidth=1.6)
+
+
+def _draw_panels(
+    figure: Figure,
+    drawn: Sequence[Panel],
+    period: Period,
+    grid: tuple[int, int],
+    place: tuple[float, float],
+) -> None:
+    """Draws diagrams below each other, in one or two columns.
+
+    Args:
+        figure: The figure.
+        drawn: The diagrams.
+        period: A period, for what it is drawn over.
+        grid: Numbers of columns and of diagrams in one.
+        place: Upper end of the first diagram with its title, and height of a diagram, inches.
+    """
+    (columns, down), (top, high), height = grid, place, figure.get_figheight()
+    for column in range(columns):
+        group = drawn[column * down : (column + 1) * down]
+        letters = max((_letters(panel) for panel in group), default=0)
+        names = _LEADER + 0.05 + _LETTER * letters if letters else _RIGHT
+        left, wide = column * WIDTH / columns + _MARGIN, WIDTH / columns - _MARGIN - names
+        for i, panel in enumerate(group):
+            y = top + i * (high + _TITLE) + _TITLE
+            axes = figure.add_axes(_box(height, left, y, wide, high))
+            _draw_panel(axes, panel, (wide, high), 4 if columns > 1 else 8)
+            axes.tick_params(labelbottom=i == len(group) - 1)
+        if group:
+            axes.set_xlabel(f'{period.across.name}, {period.across.unit}', labelpad=1)
+
+
+def _letters(panel: Panel) -> int:
+    """Returns the length of the longest name at the end of a curve."""
+    return max(len(_short(curve.name)) for curve in panel.curves) if panel.has_names else 0
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= _LONGEST else f'{name[: _LONGEST - 1]}\N{HORIZONTAL ELLIPSIS}'
+
+
+def _draw_panel(axes: Axes, panel: Panel, size: tuple[float, float], parts: int) -> None:
+    """Draws the curves of a diagram, with their names at the right ends.
+
+    Args:
+        axes: The axes.
+        panel: The diagram.
+        size: Width and height of the axes, inches.
+        parts: Most intervals between ticks of the horizontal axis.
+    """
+    for curve in panel.curves:
+        axes.add_line(_line(curve, curve.period.marks, curve.values))
+    axes.autoscale_view()
     axes.set_ylim(shown_range([curve.values for curve in panel.curves], axes.get_ylim()))
-    label = textwrap.fill(panel.title, 14)  # not higher than a low diagram
-    over(axes, max((curve.period.marks for curve in panel.curves), key=np.max), label, 4)
-    return lines
+    widest = max((curve.period for curve in panel.curves), key=lambda x: float(x.marks[-1]))
+    over(axes, widest, panel.heading, parts)
+    if not panel.has_names:
+        return
+    low, high = axes.get_ylim()
+    ends = [_end(curve.values, low, high) for curve in panel.curves]
+    for curve, end, at in zip(panel.curves, ends, _apart(ends, _NAME / size[1]), strict=True):
+        color = fractions(mixed(curve.color, BLACK, 0.3))
+        axes.add_line(
+            Line2D(
+                [1.0, 1 + _LEADER / size[0]], [end, at], color=color, linewidth=0.6,
+                transform=axes.transAxes, clip_on=False,
+            )
+        )  # fmt: skip
+        axes.text(
+            1 + (_LEADER + 0.03) / size[0], at, _short(curve.name), color=color,
+            va='center_baseline', fontsize=NUMBERS, transform=axes.transAxes,
+        )  # fmt: skip
 
 
-def _extent(curve: _Curve, width: int) -> str:
-    """Describes a curve by its extreme values, their crank angles, and rms; pads its name."""
-    low, low_at, high, high_at, rms = extent(curve.period.x, curve.values)
-    across = curve.period.across
-    digits = f'>7.{1 if across.unit == "deg" else 3}f'
-    return (
-        f'{curve.name:<{width}}{curve.unit:<7}{rounded(low):>10}{across.scale * low_at:{digits}}'
-        f'{rounded(high):>10}{across.scale * high_at:{digits}}{rounded(rms):>10}'
-    )
+def _end(values: Array, low: float, high: float) -> float:
+    """Returns the height of the last finite value, as a share of the diagram."""
+    last = values[np.isfinite(values)][-1]
+    return float(np.clip((last - low) / (high - low), 0.0, 1.0))
+
+
+def _apart(ends: Sequence[float], least: float) -> list[float]:
+    """Moves places in the same order until they are `least` apart, around their middle if dense.
+
+    Each run of places that are too close becomes evenly spaced about its mean.
+    """
+    runs = [[i] for i in sorted(range(len(ends)), key=ends.__getitem__)]
+
+    def span(run: list[int]) -> tuple[float, float]:
+        middle, half = sum(ends[i] for i in run) / len(run), 0.5 * least * len(run)
+        return middle - half, middle + half
+
+    i = 0
+    while i + 1 < len(runs):
+        if span(runs[i])[1] > span(runs[i + 1])[0]:
+            runs[i : i + 2] = [runs[i] + runs[i + 1]]
+            i = max(0, i - 1)
+        else:
+            i += 1
+    found = [0.0] * len(ends)
+    for run in runs:
+        low, _ = span(run)
+        for place, j in enumerate(run):
+            found[j] = low + (place + 0.5) * least
+    return found

@@ -120,7 +120,7 @@ def _film(period: Period, name: str, words: str) -> Iterator[Image.Image]:
         color = fractions(period.colors[period.driven.name])
         (drawn,) = axes.plot([], [], color=color, linewidth=1.8)
         (dot,) = axes.plot([], [], 'o', color=fractions(DARK), markersize=5)
-        over(axes, marks, period.effort_title, 4)
+        over(axes, period, period.effort_title, 4)
         axes.set_xlabel(f'{period.across.name}, {period.across.unit}')
         # Only what moves is drawn again for each picture.
         moving = [*picture.moving, drawn, dot]

@@ -16,9 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
-from matplotlib.transforms import Bbox
 
-from linkage_lab.charts.linkage_picture import NAME_STYLE, LinkagePicture, free_places
+from linkage_lab.charts.linkage_picture import NAME_STYLE, LinkagePicture
 from linkage_lab.output import (
     NUMBERS,
     SMALL,
@@ -31,12 +30,13 @@ from linkage_lab.output import (
     print_notes,
     rounded,
 )
+from linkage_lab.period import Period
 from linkage_lab.sampling import without_loads
 from linkage_ros import ConfigurationError, Solver, Spring, State, load
 from linkage_ros.extensions import LOADS
 from linkage_ros.formulas import Array
 from linkage_ros.internals import UNITS, Drawing, axes_of
-from linkage_ros.palette import BLACK, DARK, SECOND, Color, fractions
+from linkage_ros.palette import BLACK, DARK, Color, fractions
 from linkage_ros.quantities import Angle, leaves
 
 _DRAWN_AT = 45.0  # crank angle of a mechanism that turns fully and is given by lengths, deg
@@ -45,9 +45,7 @@ HIGH, _LINE, _ROOM = 6.2, 0.165, 0.35
 _CHARACTERS = 118  # in a line of text
 _ARROW = 9.0  # length of the arrow of a link's direction, points
 _MARKS = 4.0  # length of the arrow of a slide's direction, in marks of the drawing
-_BARS = {4: 'four-bar', 6: 'six-bar', 8: 'eight-bar', 10: 'ten-bar'}
 _DISTANCES = 10.0, 15.0, 22.0, 30.0, 40.0  # of names, points
-_STEP = 4.0  # between the points of lines that names should not cover, points
 
 
 @dataclass(frozen=True)
@@ -60,6 +58,8 @@ class Sketched:
         place: Position of the driven joint, rad or m.
         state: The state there, at the speed of the file.
         unit: Unit of lengths: 'm' or 'mm'.
+        path: Positions of the links along the paths of the pins, rad and m, shape (n, links); None
+            for all that they can reach.
     """
 
     design: Any
@@ -67,11 +67,12 @@ class Sketched:
     place: float
     state: State
     unit: str
+    path: Array | None = None
 
     @functools.cached_property
     def drawing(self) -> Drawing:
-        """The drawing of the mechanism without its loads."""
-        return Drawing(self.solver.mechanism, self.place)
+        """The drawing of the mechanism."""
+        return Drawing(self.design.mechanism, self.place)
 
     @property
     def positions(self) -> Array:
@@ -129,7 +130,7 @@ def sketch(options: argparse.Namespace) -> None:
         with chart(files, height, layout=None) as figure:
             figure.text(0.02, 1 - 0.12 / height, name, va='top', weight='bold', fontsize=TEXT)
             axes = figure.add_axes((0.02, 1 - (_ROOM + HIGH) / height, 0.96, HIGH / height))
-            draw(axes, sketched, with_dimensions=options.dimensions)
+            draw_sketch(axes, sketched, with_dimensions=options.dimensions)
             figure.text(
                 0.3 / WIDTH, 1 - (_ROOM + HIGH + 0.05) / height, '\n'.join(written), va='top',
                 family='monospace', fontsize=NUMBERS - 0.5, linespacing=1.25,
@@ -167,10 +168,23 @@ def sketch_of(design: Any, at: float | None = None) -> Sketched:
     rpm = 0.0 if driven.slides else getattr(design.drive, 'rpm', 0.0)
     speed = (rpm * math.pi / 30, *rates)
     state = solver.state((place, *positions), speed)
+    return Sketched(design, solver, place, state, _unit(design))
+
+
+def sketch_at(design: Any, period: Period, now: int) -> Sketched:
+    """Returns the state of a period at which its mechanism is drawn, that of sample `now`."""
+    path, *rates = (period.rows(word) for word in ('position', 'velocity', 'acceleration'))
+    velocity, acceleration = (tuple(row[now].tolist()) for row in rates)
+    state = State(tuple(path[now].tolist()), velocity, acceleration, 0.0)
+    solver = without_loads(period.solver)
+    return Sketched(design, solver, float(period.crank[now]), state, _unit(design), path)
+
+
+def _unit(design: Any) -> str:
+    """Returns the unit of lengths in a sketch."""
     given = getattr(getattr(design.given, 'drawing', None), 'units', '')
     longest = max(map(abs, _lengths(design.mechanism)))
-    unit = 'mm' if given in {'mm', 'cm'} or (not given and longest < 1) else 'm'
-    return Sketched(design, solver, place, state, unit)
+    return 'mm' if given in {'mm', 'cm'} or (not given and longest < 1) else 'm'
 
 
 def _drawn_at(design: Any) -> Any:
@@ -218,19 +232,12 @@ def describe(sketched: Sketched) -> Iterator[str]:
 def _kind(sketched: Sketched) -> Iterator[str]:
     """Yields the kind of mechanism, its assemblies and its reach."""
     mechanism, solver = sketched.design.mechanism, sketched.solver
-    kind = type(mechanism).__name__
-    words = ''.join(f'_{x.lower()}' if x.isupper() else x for x in kind).lstrip('_')
-    count = len(solver.links) + 1
     dyads = [' and '.join(dyad.parts) for dyad in mechanism.dyads]
-    title = _BARS.get(count, f'{count} links with the frame')
     names = ', '.join(solver.links[: len(solver.links) - 2 * len(dyads)])
-    base = f'{words} of {names}'
-    if dyads:
-        plural = 's' if len(dyads) > 1 else ''
-        yield f'{title}: {base}, and the dyad{plural} {"; ".join(dyads)}'
-    else:
-        yield base
-    loop = ['' if 'assembly' in _unused(mechanism) else f'{words} {mechanism.assembly}']
+    plural = 's' if len(dyads) > 1 else ''
+    added = f', and the dyad{plural} {"; ".join(dyads)}' if dyads else ''
+    yield f'{sketched.design.mechanism_words}: {names}{added}'
+    loop = ['' if 'assembly' in _unused(mechanism) else f'loop {mechanism.assembly}']
     assemblies = [f'{x} {dyad.assembly}' for x, dyad in zip(dyads, mechanism.dyads, strict=True)]
     reach, driven = solver.mobility, solver.structure.driven_link
     if any(shown := [x for x in (*loop, *assemblies) if x]):
@@ -401,11 +408,10 @@ class _Label(NamedTuple):
     bold: bool = False
 
 
-def draw(axes: Axes, sketched: Sketched, *, with_dimensions: bool) -> None:
-    """Draws the mechanism with all names."""
+def draw_sketch(axes: Axes, sketched: Sketched, *, with_dimensions: bool) -> None:
+    """Draws a mechanism with all names and its loads."""
     drawing = sketched.drawing
-    loaded = Drawing(sketched.design.mechanism, sketched.place)
-    size = float(np.ptp(loaded.bounds, axis=0).max())
+    size = float(np.ptp(drawing.bounds, axis=0).max())
     labels = list[_Label]()
     lines = [np.array([[start.real, start.imag], [end.real, end.imag]])
              for _, start, end in _springs(sketched)]  # fmt: skip
@@ -415,17 +421,18 @@ def draw(axes: Axes, sketched: Sketched, *, with_dimensions: bool) -> None:
     for name, place in _pins_of_cylinders(sketched).items():
         axes.plot(place.real, place.imag, 'o', color=fractions(DARK), markersize=3.5)
         labels.append(_Label(name, place, -1j, BLACK))
-    values = loaded.load_values(sketched.positions, sketched.rates)
-    for name, (arrow,) in loaded.loads(sketched.positions, sketched.rates).items():
+    values = drawing.load_values(sketched.positions, sketched.rates)
+    for name, (arrow,) in drawing.loads(sketched.positions, sketched.rates).items():
         if not np.ptp(arrow, axis=0).any():
             continue  # no load here
-        axes.plot(*arrow.T, color=fractions(SECOND), linewidth=2.0)
+        axes.plot(*arrow.T, color=fractions(BLACK), linewidth=2.0)
         tail, tip = (complex(*arrow[i]) for i in (0, -2))
         word = name.partition(' on ')[0] if ' on ' in name else f'on {name}'
-        labels.append(_Label(f'{word} {values[name][0]}', tail, tail - tip or 1j, SECOND))
+        labels.append(_Label(f'{word} {values[name][0]}', tail, tail - tip or 1j, BLACK))
         lines.append(arrow)
     labels += _slides(axes, sketched, 0.025 * size, lines)
-    picture = LinkagePicture(axes, drawing, drawing.positions, sketched.positions)
+    path = drawing.positions if sketched.path is None else sketched.path
+    picture = LinkagePicture(axes, drawing, path, sketched.positions, [*lines])
     shown = drawing.links(drawing.place(sketched.positions))
     middle = complex(*np.mean(drawing.place(sketched.positions)[0], axis=0))
     for j, link in enumerate(sketched.solver.structure.links):
@@ -518,28 +525,10 @@ def _write(axes: Axes, picture: LinkagePicture, labels: list[_Label], lines: lis
         )
         for label in labels
     ]  # fmt: skip
-    scale = 72 / axes.figure.dpi
-    sizes = [Bbox(scale * text.get_window_extent().get_points()) for text in texts]
+    boxes = np.array([text.get_window_extent().get_points() for text in texts])
+    sizes = 72 / axes.figure.dpi * np.ptp(boxes, axis=1)
     anchors = picture.to_points(np.array([[x.at.real, x.at.imag] for x in labels]))
     ways = np.array([[x.way.real, x.way.imag] for x in labels])
-    obstacles = np.concatenate([_dense(picture.to_points(line)) for line in lines])
-    places = free_places(
-        anchors,
-        ways,
-        sizes,
-        picture.taken,
-        picture.page,
-        obstacles,
-        _DISTANCES,
-    )
+    places = picture.free_places(anchors, ways, sizes, lines, _DISTANCES)
     for text, place in zip(texts, places, strict=True):
         text.set_position(tuple(place.tolist()))
-
-
-def _dense(line: Array) -> Array:
-    """Returns points along a line, close to each other; all in points."""
-    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    return np.concatenate([
-        start + np.linspace(0, 1, max(2, math.ceil(step / _STEP)))[:, np.newaxis] * (end - start)
-        for start, end, step in zip(line[:-1], line[1:], steps, strict=True)
-    ])  # fmt: skip

@@ -1,0 +1,219 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Diagrams of a period: the curves of each, with their names, colours and dashes."""
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from linkage_lab.command_line import QUANTITIES
+from linkage_lab.period import OVER_TIME, Extent, Period, extent
+from linkage_ros import palette
+from linkage_ros.formulas import Array
+from linkage_ros.palette import BLACK, Color
+
+_TITLES = {
+    'deg': 'Direction', 'rad/s': 'Angular velocity', 'rad/s\u00b2': 'Angular acceleration',
+    'm': 'Position', 'm/s': 'Velocity', 'm/s\u00b2': 'Acceleration',
+}  # fmt: skip
+# Colours of the designs, in order.
+DESIGN_COLORS = (
+    palette.SKY, palette.ORANGE, BLACK, palette.PURPLE, palette.GREEN, palette.BLUE,
+    palette.VERMILION,
+)  # fmt: skip
+NOISE = 1e-9  # relative to the largest value; smaller values are rounding errors
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A quantity over a period.
+
+    Attributes:
+        name: Its name, unique in its diagram.
+        unit: Its unit.
+        period: The period.
+        values: Its values, in this unit.
+        color: Colour of the link that it belongs to, or black.
+        dash: Number of its dash.
+    """
+
+    name: str
+    unit: str
+    period: Period
+    values: Array
+    color: Color = BLACK
+    dash: int = 0
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A diagram: its title, without the unit, and its curves, which have one unit."""
+
+    title: str
+    curves: Sequence[Curve]
+
+    @property
+    def heading(self) -> str:
+        """The title with the unit."""
+        return f'{self.title}, {self.curves[0].unit}'
+
+    @property
+    def has_names(self) -> bool:
+        """Whether its curves are named, because the title does not name a single one."""
+        return len(self.curves) > 1 or self.curves[0].name not in self.title
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether nothing changes in it."""
+        return not any(np.ptp(curve.values) for curve in self.curves)
+
+    def without_noise(self) -> 'Panel':
+        """Returns it without the rounding errors of values that are zero or constant."""
+        finite = [np.where(np.isfinite(x.values), x.values, 0.0) for x in self.curves]
+        least = NOISE * max(np.abs(values).max() for values in finite)
+        curves = list[Curve]()
+        for curve, values in zip(self.curves, finite, strict=True):
+            if np.isfinite(curve.values).all() and np.ptp(values) <= least:
+                values = np.full_like(values, values[0])
+            else:
+                values = curve.values
+            curves.append(replace(curve, values=np.where(np.abs(values) <= least, 0.0, values)))
+        return replace(self, curves=curves)
+
+    def measured(self) -> list[Extent]:
+        """Finds the extreme values and the rms of its curves."""
+        return [extent(curve.period.x, curve.values) for curve in self.curves]
+
+
+def panels(period: Period, show: Collection[str]) -> list[Panel]:
+    """Returns the diagrams of one mechanism; `show` are quantities of `QUANTITIES`."""
+    makers = {'torque': _effort_panels, 'load': _load_panels, 'point': _point_panels}
+    found = list[Panel]()
+    for quantity in QUANTITIES:
+        if quantity in show:
+            make = makers.get(quantity)
+            found += make(period) if make else _link_panels(period, quantity)
+    if 'shaking_moment' in period.columns:
+        found += _reaction_panels(period)
+    return [panel.without_noise() for panel in found]
+
+
+def only_in_table(period: Period) -> list[Panel]:
+    """Returns the quantities that are in the table, but have no diagram."""
+    found = [
+        Panel(f'Rate of {name}', [replace(_curve(period, f'{name}.length_rate'), name=name)])
+        for name in period.springs
+    ]
+    found.append(Panel('Driving power', [_curve(period, 'driving_power')]))
+    return [panel.without_noise() for panel in found]
+
+
+def compared(periods: Mapping[str, Period], show: Collection[str]) -> list[Panel]:
+    """Returns the shared diagrams of several mechanisms: motion of the outputs, and torques."""
+    found = list[Panel]()
+    for quantity in QUANTITIES:
+        if quantity not in show or quantity in {'load', 'point'}:
+            continue
+        curves = list[Curve]()
+        for i, (design, period) in enumerate(periods.items()):
+            column = f'{period.solver.output}.{quantity}'
+            curve = _curve(period, period.effort if quantity == 'torque' else column)
+            curves.append(replace(curve, name=design, color=DESIGN_COLORS[i], dash=i))
+        first = next(iter(periods.values()))
+        found += _by_unit(curves, first.effort_name if quantity == 'torque' else '')
+    return [panel.without_noise() for panel in found]
+
+
+def _effort_panels(period: Period) -> Iterator[Panel]:
+    """Yields the diagram of the driving torque or force, in the colour of the driven link."""
+    curve = _of_link(period, period.effort, period.driven.name)
+    word = period.effort.removeprefix('driving_')
+    yield Panel(period.effort_name, [replace(curve, name=word, dash=0)])
+
+
+def _load_panels(period: Period) -> Iterator[Panel]:
+    """Yields the diagrams of loads: efforts on links, springs, and forces at points."""
+    efforts = [column for column in period.columns if column.endswith('.load')]
+    on_links = [_of_link(period, column, column.removesuffix('.load')) for column in efforts]
+    yield from _by_unit(on_links, 'Load', 'on')
+    springs = period.springs if period.solver.mobility else []
+    for spring in springs:
+        for word in ('length', 'leverage', 'tension'):
+            curve = replace(_curve(period, f'{spring}.{word}'), name=spring)
+            yield Panel(f'{word.capitalize()} of {spring}', [curve])
+    for column in period.columns:
+        load, ending, _ = column.partition('.force.x')
+        if ending and load not in springs:
+            yield _vector_panel(period, f'Force {load}', f'{load}.force', BLACK)
+
+
+def _point_panels(period: Period) -> Iterator[Panel]:
+    """Yields the diagrams of the positions of traced points."""
+    for point, link in period.solver.structure.traced.items():
+        color = period.colors[link]
+        yield _vector_panel(period, f'Point {point}', f'{point}.position', color)
+
+
+def _link_panels(period: Period, quantity: str) -> Iterator[Panel]:
+    """Yields the diagrams of positions, velocities or accelerations of the links."""
+    driven = period.driven.name
+    has_constant_rate = not np.ptp(period.columns[f'{driven}.velocity'].values)
+    # The position of the driven link is the variable of the diagrams, unless that is the time.
+    says_nothing = has_constant_rate or quantity == 'position'
+    omitted = driven if says_nothing and period.across is not OVER_TIME else None
+    shown = [link for link in period.solver.links if link != omitted]
+    yield from _by_unit([_of_link(period, f'{link}.{quantity}', link) for link in shown])
+
+
+def _reaction_panels(period: Period) -> Iterator[Panel]:
+    """Yields the diagrams of joint forces, shaking force and shaking moment."""
+    columns, structure = period.columns, period.solver.structure
+    links = {f'pin_{pin.name}': period.solver.links[pin.second] for pin in structure.pins}
+    forces = list[Curve]()
+    for column in columns:
+        name, _, kind = column.partition('.')
+        if kind == 'x' and name in links:
+            curve = _of_link(period, column, links[name])
+            size = np.hypot(*(columns[f'{name}.{axis}'].values for axis in 'xy'))
+            forces.append(replace(curve, name=name.removeprefix('pin_'), values=size))
+        elif kind == 'guide_force':
+            forces.append(replace(_of_link(period, column, name), name=f'guide of {name}'))
+    yield Panel('Joint forces', [replace(x, dash=i) for i, x in enumerate(forces)])
+    yield _vector_panel(period, 'Shaking force', 'shaking_force', BLACK)
+    yield Panel('Shaking moment', [replace(_curve(period, 'shaking_moment'), name='moment')])
+
+
+def _vector_panel(period: Period, title: str, column: str, color: Color) -> Panel:
+    """Makes the diagram of both components of a vector."""
+    return Panel(title, [
+        replace(_curve(period, f'{column}.{axis}'), name=axis, color=color, dash=i)
+        for i, axis in enumerate('xy')
+    ])  # fmt: skip
+
+
+def _of_link(period: Period, column: str, link: str) -> Curve:
+    """Makes a curve with the name, the colour and the dash of a link; the last link's is solid."""
+    number = len(period.solver.links) - 1 - period.solver.links.index(link)
+    return replace(_curve(period, column), name=link, color=period.colors[link], dash=number)
+
+
+def _curve(period: Period, column: str) -> Curve:
+    """Makes the black curve of a column."""
+    unit, values = period.columns[column]
+    if unit == 'rad':
+        unit, values = 'deg', np.degrees(values)
+    return Curve(column, unit.replace('^2', '\N{SUPERSCRIPT TWO}'), period, values)
+
+
+def _by_unit(curves: Iterable[Curve], title: str = '', word: str = 'of') -> Iterator[Panel]:
+    """Groups curves into one diagram per unit; without a title, it depends on the unit.
+
+    The title names a single curve, after `word`.
+    """
+    groups = dict[str, list[Curve]]()
+    for curve in curves:
+        groups.setdefault(curve.unit, []).append(curve)
+    for unit, group in groups.items():
+        name = title or _TITLES[unit]
+        yield Panel(name if len(group) > 1 else f'{name} {word} {group[0].name}', group)
