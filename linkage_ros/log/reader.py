@@ -3,11 +3,11 @@
 """Reads MCAP logs of this package; rejects other files with a one-line error."""
 
 import heapq
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, MetadataIndex, Schema, Statistics
@@ -118,55 +118,19 @@ class LogReader:
             self._read_summary(file)
 
     def _read_summary(self, file: McapFile) -> None:
+        """Reads the configuration, the motions and the index.
+
+        Raises:
+            LogError: The log is incomplete or damaged, or from another program.
+        """
         summary = file.summary()
         if summary is None:
             raise LogError(
                 f'it is incomplete: its run was killed or is still running; {_remedy(file)}'
             )
         statistics = summary[Statistics][-1]
-        indexes = summary[MetadataIndex]
-        records = [file.content(index.offset) for index in indexes]
-        # The summary's checksum protects the index, but not the names of the records.
-        if [record.name for record in records] != [index.name for index in indexes]:
-            raise LogError('it is damaged: its metadata records do not match its index')
-        about = [r.metadata for r in records if r.name == CONFIGURATION_RECORD]
-        if len(about) != 1:
-            raise LogError(
-                f'it is not a log of linkage_ros: it has {len(about)} configuration records '
-                'instead of one; linkage_log csv and linkage_record --measured read bags of other '
-                'programs'
-            )
-        self.version, self.configuration = decode_configuration(about[0])
-        self.has_old_names = has_old_names(about[0])
-        drive = self.configuration.drive
-        self.motions = tuple(
-            decode_motion(r.metadata, drive.segment) for r in records if r.name == MOTION_RECORD
-        )
-        self.torque_ends = tuple(
-            decode_torque_end(r.metadata) for r in records if r.name == TORQUE_END_RECORD
-        )
-        self.lost = next(
-            (int(unseal(record.metadata)['messages']) - statistics.message_count
-             for record in records if record.name == END_RECORD),
-            None,
-        )  # fmt: skip
-        gaps = [
-            (index.offset, decode_gap(record.metadata).dropped)
-            for index, record in zip(indexes, records, strict=True) if record.name == GAP_RECORD
-        ]  # fmt: skip
-        self._gaps, self.dropped = [at for at, _ in gaps], sum(dropped for _, dropped in gaps)
-        schemas = {schema.id: schema for schema in summary[Schema]}
-        channels = {channel.id: channel for channel in summary[Channel]}.values()
-        topics = [_topic(channel, schemas, statistics) for channel in channels]
-        if topics and not any(topic.role for topic in topics):
-            raise LogError(
-                f'its topics have no roles: version {self.version} wrote it; read it with that one'
-            )
-        self.topics = tuple(topics)
-        self._roles = {topic.role: topic for topic in topics if topic.role}
-        if efforts := self.channel(EFFORT_COMMANDS):
-            self._zeros = {(efforts.number, end.stamp) for end in self.torque_ends}
-        self._names = {topic.number: topic.name for topic in self.topics}
+        self._read_metadata(file, summary[MetadataIndex], statistics.message_count)
+        self._read_topics(summary, statistics)
         # First and last time, offset and channels of each chunk. Tuples save memory, because the
         # log of a day has hundreds of thousands of chunks.
         self._chunks = [
@@ -186,6 +150,62 @@ class LogReader:
             raise LogError('it is damaged: its index leaves out parts of it, or repeats a role')
         if not self.start <= self.end < TIME_END:
             raise LogError(f'its times, {self.start} to {self.end} ns, are not valid ROS times')
+
+    def _read_metadata(
+        self, file: McapFile, indexes: Sequence[MetadataIndex], messages: int
+    ) -> None:
+        """Reads the configuration, and what happened in the run.
+
+        Args:
+            file: The log.
+            indexes: The index of its metadata records.
+            messages: Number of messages in the file.
+
+        Raises:
+            LogError: The records do not match the index, or there is no configuration.
+        """
+        records = [file.content(index.offset) for index in indexes]
+        # The summary's checksum protects the index, but not the names of the records.
+        if [record.name for record in records] != [index.name for index in indexes]:
+            raise LogError('it is damaged: its metadata records do not match its index')
+
+        def named(name: str) -> list[dict[str, str]]:
+            return [record.metadata for record in records if record.name == name]
+
+        about = named(CONFIGURATION_RECORD)
+        if len(about) != 1:
+            raise LogError(
+                f'it is not a log of linkage_ros: it has {len(about)} configuration records '
+                'instead of one; linkage_log csv and linkage_record --measured read bags of other '
+                'programs'
+            )
+        self.version, self.configuration = decode_configuration(about[0])
+        self.has_old_names = has_old_names(about[0])
+        segment = self.configuration.drive.segment
+        self.motions = tuple(decode_motion(fields, segment) for fields in named(MOTION_RECORD))
+        self.torque_ends = tuple(map(decode_torque_end, named(TORQUE_END_RECORD)))
+        ends = named(END_RECORD)
+        self.lost = int(unseal(ends[0])['messages']) - messages if ends else None
+        self.dropped = sum(decode_gap(fields).dropped for fields in named(GAP_RECORD))
+        self._gaps = [index.offset for index in indexes if index.name == GAP_RECORD]
+
+    def _read_topics(self, summary: Mapping[type, list[Any]], statistics: Statistics) -> None:
+        """Reads the channels.
+
+        Raises:
+            LogError: No channel has a role.
+        """
+        schemas = {schema.id: schema for schema in summary[Schema]}
+        channels = {channel.id: channel for channel in summary[Channel]}.values()
+        self.topics = tuple(_topic(channel, schemas, statistics) for channel in channels)
+        self._roles = {topic.role: topic for topic in self.topics if topic.role}
+        if self.topics and not self._roles:
+            raise LogError(
+                f'its topics have no roles: version {self.version} wrote it; read it with that one'
+            )
+        if efforts := self.channel(EFFORT_COMMANDS):
+            self._zeros = {(efforts.number, end.stamp) for end in self.torque_ends}
+        self._names = {topic.number: topic.name for topic in self.topics}
 
     def channel(self, topic: Topic) -> LoggedTopic | None:
         """Returns the channel with the role of a topic, or None."""
