@@ -7,7 +7,7 @@ import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from linkage_lab.robots.loops import Loops
 from linkage_lab.robots.model import listed
@@ -106,20 +106,28 @@ class Artist:
 
     def _pins(self, taken: dict[str, None]) -> list[Pin]:
         """Returns the pins; joints of a body with a common axis are one."""
-        found = list[tuple[str, dict[int, complex]]]()
-        joined = [(x.joint, (x.near, x.far), x.places) for x in self.plane.steps if x.side]
-        joined += [(x.name, x.bodies, x.places) for x in self.plane.meetings]
-        for name, bodies, places in joined:
-            own = dict(zip(bodies, places, strict=True))
+        axes = [Pin('', step.joint, {step.near: step.places[0], step.far: step.places[1]})
+                for step in self.plane.steps if step.side]  # fmt: skip
+        axes += [Pin('', meeting.name, dict(zip(meeting.bodies, meeting.places, strict=True)))
+                 for meeting in self.plane.meetings]  # fmt: skip
+        found = list[Pin]()
+        for pin in axes:
+            merged = pin
             for other in [*found]:
-                common = own.keys() & other[1].keys()
-                if any(abs(own[x] - other[1][x]) < _SAME * self.plane.size for x in common):
+                if self._is_same(merged, other):
                     found.remove(other)
-                    name, own = other[0], other[1] | own
-            found.append((name, own))
-        order = [name for name, *_ in joined]
-        found.sort(key=lambda pin: order.index(pin[0]))
-        return [Pin(_name(name, 'pin', taken), name, places) for name, places in found]
+                    merged = other._replace(places=other.places | merged.places)
+            found.append(merged)
+        order = [pin.joint for pin in axes]
+        found.sort(key=lambda pin: order.index(pin.joint))
+        return [pin._replace(name=_name(pin.joint, 'pin', taken)) for pin in found]
+
+    def _is_same(self, one: Pin, other: Pin) -> bool:
+        """Returns whether two pins have one place on a body."""
+        return any(
+            abs(one.places[body] - other.places[body]) < _SAME * self.plane.size
+            for body in one.places.keys() & other.places.keys()
+        )
 
     def _require_pins(self) -> None:
         sliding = [body for step in self.slides for body in (step.near, step.far)]
@@ -223,25 +231,43 @@ class Artist:
         """Returns the robot's joint of each link: the one towards the frame."""
         links, found = mechanism.structure().links, dict[str, JointMap]()
         places = _places(mechanism, position_of(mechanism))
-        index = {link.name: i for i, link in enumerate(links)}
         for step in self.plane.steps:
-            near, far = self.names[step.near], self.names[step.far]
-            above = None if near == FRAME else index[near]
-            i, ratio = index[far], step.side
-            parent = FRAME if above is None or spin_of(links, above) is None else near
-            if not step.side:
-                parent, is_far = '', links[i].slides and links[i].parent == above
-                i = i if is_far else index[near]
-                spin, angle = axes_of(links, i)
-                guide = cmath.rect(1.0, (angle or 0.0) + (0.0 if spin is None else places[spin]))
-                along = (pose[step.near][1] * step.way * guide.conjugate()).real
-                ratio = math.copysign(1.0, along if is_far else -along)
-            elif links[i].slides:  # it turns with the link on which it slides
-                i = next(x for x in [spin_of(links, i)] if x is not None)
+            if step.side:
+                (i, parent), ratio = self._turned_by(links, step), step.side
+            else:
+                i, ratio = self._slid_by(links, step, places, pose)
+                parent = ''
             zero = _own(links, places, i, parent) - closed[step.joint] / ratio
             zero = zero if links[i].slides else float(wrap(zero))
             found[links[i].name] = JointMap(step.joint, tidy(zero, 1.0) + 0.0, ratio, parent)
         return {link.name: found[link.name] for link in links}
+
+    def _turned_by(self, links: Sequence[Any], step: Step) -> tuple[int, str]:
+        """Returns the index of the link that a joint turns, and the link that carries it."""
+        near, far = self.names[step.near], self.names[step.far]
+        index = {link.name: i for i, link in enumerate(links)}
+        i = index[far]
+        if links[i].slides:  # it turns with the link on which it slides
+            i = cast('int', spin_of(links, i))
+        is_at_rest = near == FRAME or spin_of(links, index[near]) is None
+        return i, FRAME if is_at_rest else near
+
+    def _slid_by(
+        self, links: Sequence[Any], step: Step, places: Sequence[float], pose: Pose
+    ) -> tuple[int, float]:
+        """Returns the index of the link that a joint slides, and 1.0, or -1.0 if it is reversed.
+
+        It is the farther body, unless the mechanism slides the nearer one on it.
+        """
+        index: dict[str, int | None] = {link.name: i for i, link in enumerate(links)}
+        near, far = (index.get(self.names[body]) for body in (step.near, step.far))  # frame: None
+        i = cast('int', far)
+        is_far = links[i].slides and links[i].parent == near
+        i = i if is_far else cast('int', near)
+        spin, angle = axes_of(links, i)
+        guide = cmath.rect(1.0, (angle or 0.0) + (0.0 if spin is None else places[spin]))
+        along = (pose[step.near][1] * step.way * guide.conjugate()).real
+        return i, math.copysign(1.0, along if is_far else -along)
 
     def blocks(self) -> Iterator[dict[int, Step]]:
         """Yields the ways to call one body of each sliding joint the block, the other its guide.
