@@ -1,15 +1,24 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Starts a torque-driven quadrilateral as the plant, and a controller that keeps its speed.
+"""Starts a torque-driven linkage as the plant, and a controller that keeps its speed.
 
-ros2 launch linkage_ros controller.launch.py rpm:=600.0 feed_forward:=false log:=run.mcap
+ros2 launch linkage_ros controller.launch.py params:=quadrilateral rpm:=600.0 log:=run.mcap
 """
 
-from linkage_ros.node.launching import NAMES, OUTPUTS, description, given, program
+from linkage_ros.node.launching import (
+    NAMES,
+    OUTPUTS,
+    description,
+    given,
+    plant,
+    program,
+)
 
 ARGUMENTS = {
+    'params': ('quadrilateral', 'parameter file or preset of the plant'),
     'rpm': ('150.0', 'speed to keep'),
     'feed_forward': ('true', 'add the exact torque'),
+    'torque_limit': ('400.0', 'largest torque on the plant, N m'),
     **NAMES,
     **OUTPUTS,
 }
@@ -18,20 +27,19 @@ ARGUMENTS = {
 def start(arguments: dict[str, str]) -> list:
     """Starts both; without one of them the other is of no use."""
     common, speed = given(arguments, ('use_sim_time', 'joint_prefix')), given(arguments, ['rpm'])
-    plant = {
-        'drive': 'torque',
-        'rate_hz': 1000.0,
-        'start_rpm': speed.get('rpm', 0.0),
+    node = {
         # The plant outlives a controller that is killed with its torque at the peak.
         'command_timeout': 0.02,
-        'torque_limit': 400.0,
+        **plant(arguments),
+        'rate_hz': 1000.0,
+        'start_rpm': speed.get('rpm', 0.0),
         **common,
-        **given(arguments, OUTPUTS),
+        **given(arguments, ('torque_limit', *OUTPUTS)),
     }
-    controller = {**common, **speed, **given(arguments, ['feed_forward'])}
+    own = {'plant': arguments['params'], **given(arguments, ['feed_forward'])}
     return [
-        program('linkage_controller', arguments['namespace'], controller),
-        program('linkage_node', arguments['namespace'], plant),
+        program('linkage_controller', arguments, {**common, **speed, **own}),
+        program('linkage_node', arguments, node),
     ]
 
 

@@ -7,8 +7,6 @@ ros2 launch linkage_ros demo.launch.py params:=quadrilateral log:=run.mcap rviz:
 
 from pathlib import Path
 
-from launch_ros.actions import Node
-
 from linkage_ros.node.launching import (
     FRAMES,
     NAMES,
@@ -18,6 +16,7 @@ from linkage_ros.node.launching import (
     frame_publisher,
     is_asked_for,
     program,
+    ros_node,
     rviz_file,
     state_publisher,
     where_installed,
@@ -36,18 +35,18 @@ ARGUMENTS = {
 
 def start(arguments: dict[str, str]) -> list:
     """Starts the node, and what is installed of robot_state_publisher and RViz."""
-    (node, publisher), namespace = demo(arguments), arguments['namespace']
+    node, publisher = demo(arguments)
     actions = [
-        program('linkage_node', namespace, node),
+        program('linkage_node', arguments, node),
         *state_publisher(arguments, publisher),
         *frame_publisher(arguments, node),
     ]
     if is_asked_for(arguments, 'rviz'):
         template = Path(__file__).parents[1] / 'rviz' / 'linkage.rviz'
-        rviz = Node(
+        rviz = ros_node(
+            arguments,
             package='rviz2',
             executable='rviz2',
-            namespace=namespace,
             arguments=['-d', rviz_file(template, node, arguments['frame_prefix'])],
             parameters=[{'use_sim_time': publisher['use_sim_time']}],
         )

@@ -24,6 +24,7 @@ ARGUMENTS = {
     'frame_id': ('', "the robot's link that carries the fixed pivots"),
     'follow_bandwidth': ('', 'bandwidth of the filter, Hz'),
     'effort_command_topic': ('', 'topic of the driving torque for a controller'),
+    'measurement_timeout': ('', 'time without a measurement after which the torque ends, s'),
     'lead_time': ('', 'time ahead of the stamp for which the torque is computed, s'),
     **FRAMES,
     **NAMES,
@@ -33,7 +34,7 @@ ARGUMENTS = {
 
 def start(arguments: dict[str, str]) -> list:
     """Starts the node, and robot_state_publisher if it is installed."""
-    (node, publisher), namespace = follow(arguments), arguments['namespace']
+    node, publisher = follow(arguments)
     own = 'joint_states', arguments['joint_states']
     remappings = [
         ('measured_joint_states', arguments['measured']),
@@ -42,7 +43,7 @@ def start(arguments: dict[str, str]) -> list:
         ('robot_description', 'linkage/robot_description'),
     ]
     return [
-        program('linkage_node', namespace, node, remappings),
+        program('linkage_node', arguments, node, remappings),
         *state_publisher(arguments, publisher, [own]),
     ]
 

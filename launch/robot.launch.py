@@ -23,6 +23,7 @@ ARGUMENTS = {
     'joint_states': ('linkage/joint_states', "the linkage's own topic"),
     'follow_bandwidth': ('', 'bandwidth of the filter, Hz'),
     'effort_command_topic': ('', 'topic of the driving torque for a controller'),
+    'measurement_timeout': ('', 'time without a measurement after which the torque ends, s'),
     'lead_time': ('', 'time ahead of the stamp for which the torque is computed, s'),
     **FRAMES,
     'state_publisher': ('true', "false: the robot's own robot_state_publisher is running"),
@@ -40,7 +41,7 @@ def start(arguments: dict[str, str]) -> list:
         ('robot_description', 'linkage/robot_description'),
     ]
     return [
-        program('linkage_node', arguments['namespace'], node, remappings),
+        program('linkage_node', arguments, node, remappings),
         *publishers,
         *frame_publisher(arguments, node),
     ]

@@ -269,6 +269,17 @@ def test_controller_and_plant_accept_the_parameters_of_their_launch_file(launche
     assert b'l_crank\0' in heard.received[topic][0]
 
 
+def test_plant_of_a_file_is_driven_by_the_torque_of_its_controller(launched, tmp_path):
+    file = tmp_path / 'own.yaml'
+    file.write_text(OWN.replace('/left/', '/'))
+    nodes, _ = launched(CONTROLLER, params=str(file), torque_limit='7.0', log_level='debug')
+    plant, controller = (values_of(nodes[f'linkage_{name}']) for name in ('node', 'controller'))
+    assert controller['plant'] == str(file)
+    assert (plant['drive'], plant['torque_limit'], plant['crank.length']) == ('torque', 7.0, 0.05)
+    configure(plant)
+    assert {tuple(node.ros_arguments) for node in nodes.values()} == {('--log-level', 'debug')}
+
+
 def test_controller_of_the_launch_file_keeps_its_speed_in_a_loop_with_delays(launched):
     nodes, _ = launched(CONTROLLER)
     plant, given = (values_of(nodes[f'linkage_{name}']) for name in ('node', 'controller'))

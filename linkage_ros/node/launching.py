@@ -33,6 +33,7 @@ Arguments = dict[str, tuple[str | None, str]]
 NAMES: Arguments = {
     'namespace': ('', 'namespace of all nodes, such as left'),
     'use_sim_time': ('', 'true: take the time from /clock'),
+    'log_level': ('', 'debug, info, warn, error or fatal, for all programs'),
     'joint_prefix': ('', 'prefix of every joint and link name, such as left_'),
 }
 # Arguments of launch files that start robot_state_publisher.
@@ -126,15 +127,24 @@ def follow(arguments: Mapping[str, str]) -> tuple[Values, Values]:
     defines the motion of its crank.
     """
     names = (
-        'follow_bandwidth', 'effort_command_topic', 'lead_time', 'crank_joint', 'frame_id',
-        *_COMMON,
+        'follow_bandwidth', 'effort_command_topic', 'lead_time', 'measurement_timeout',
+        'crank_joint', 'frame_id', *_COMMON,
     )  # fmt: skip
+    return _linkage({**_with_drive('follow', arguments), **given(arguments, names)}, arguments)
+
+
+def plant(arguments: Mapping[str, str]) -> Values:
+    """Returns the parameters of a linkage that a torque drives, without others of its file."""
+    return _with_drive('torque', arguments)
+
+
+def _with_drive(drive: str, arguments: Mapping[str, str]) -> Values:
+    """Returns the parameters of the file that apply to a drive, with that drive."""
     file = read_values(arguments['params'], arguments['namespace'])
     configure(file)
-    kind = MechanismAndDrive.of({'mechanism': 'four_bar', **file, 'drive': 'follow'})
+    kind = MechanismAndDrive.of({'mechanism': 'four_bar', **file, 'drive': drive})
     known = {leaf.name for leaf in parameter_leaves(kind, file)}
-    kept = {name: value for name, value in file.items() if name in known}
-    return _linkage({**kept, 'drive': 'follow', **given(arguments, names)}, arguments)
+    return {**{name: value for name, value in file.items() if name in known}, 'drive': drive}
 
 
 def robot(arguments: Mapping[str, str]) -> tuple[Values, list[Any]]:
@@ -204,10 +214,10 @@ def frame_publisher(arguments: Mapping[str, str], values: Mapping[str, object]) 
     numbers = zip(('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw'), (*plane.origin, *turn), strict=True)
     options = [word for name, value in numbers for word in (f'--{name}', repr(float(value)))]
     frames = ('--frame-id', arguments['frame_prefix'] + plane.link)
-    publisher = Node(
+    publisher = ros_node(
+        arguments,
         package='tf2_ros',
         executable='static_transform_publisher',
-        namespace=arguments['namespace'],
         arguments=[*frames, '--child-frame-id', str(values['frame_id']), *options],
     )
     return [where_installed('tf2_ros', f'place of {values["frame_id"]} in tf', publisher)]
@@ -248,7 +258,7 @@ def _linkage(values: Values, arguments: Mapping[str, str]) -> tuple[Values, Valu
 
 def program(
     name: str,
-    namespace: str,
+    arguments: Mapping[str, str],
     values: Mapping[str, object],
     remappings: Sequence[tuple[str, str]] = (),
 ) -> Any:
@@ -256,22 +266,37 @@ def program(
 
     Args:
         name: Name of the executable.
-        namespace: Namespace of its node.
+        arguments: All arguments of the launch file.
         values: Parameters of the node.
         remappings: Topic names and their replacements.
 
     Returns:
         The action.
     """
-    return Node(
+    return ros_node(
+        arguments,
         package='linkage_ros',
         executable=name,
-        namespace=namespace,
         parameters=[parameter_file(values)],
         remappings=list(remappings),
         output='screen',
         on_exit=_end,
     )
+
+
+def ros_node(given_to_launch: Mapping[str, str], /, **options: Any) -> Any:
+    """Returns an action that starts a node in the namespace of a launch, with its log level.
+
+    Args:
+        given_to_launch: All arguments of the launch file.
+        **options: Options of `launch_ros.actions.Node`.
+
+    Returns:
+        The action.
+    """
+    level = given_to_launch['log_level']
+    words = ['--log-level', level] if level else []
+    return Node(namespace=given_to_launch['namespace'], ros_arguments=words, **options)
 
 
 def state_publisher(
@@ -303,11 +328,11 @@ def _state_publisher(
     values: Mapping[str, object],
     remappings: Sequence[tuple[str, str]],
 ) -> Any:
-    publisher = Node(
+    publisher = ros_node(
+        arguments,
         package='robot_state_publisher',
         executable='robot_state_publisher',
         name=name,
-        namespace=arguments['namespace'],
         parameters=[parameter_file(values)],
         remappings=list(remappings),
     )
