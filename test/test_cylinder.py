@@ -89,7 +89,7 @@ def test_lengths_without_a_motion_are_refused(lengths, words):
         ({'offset': 0.2}, r'\|frame - crank\| - \|offset\| = -0.02 m is negative; bring the'),
         ({'offset': 0.18}, 'is equal to the difference'),
         ({'loads.gas.kind': 'gas', 'loads.gas.link': 'barrel', 'loads.gas.bore': 0.1,
-          'loads.gas.clearance': 0.1, 'loads.gas.inlet': 1e5}, 'barrel .* is not a slider'),
+          'loads.gas.clearance': 0.1, 'loads.gas.inlet': 1e5}, 'barrel has no stroke'),
         ({'joints.rod.parent': 'frame'}, 'joints.rod.parent = .*: must be barrel'),
     ],
 )  # fmt: skip

@@ -12,7 +12,17 @@ import numpy as np
 import pytest
 from test_dyads import random_structure
 
-from linkage_ros import ConfigurationError, Force, Friction, MechanismError, Solver, Spring
+from linkage_ros import (
+    ConfigurationError,
+    Force,
+    Friction,
+    Gas,
+    LoadCurve,
+    MechanismError,
+    SliderCrank,
+    Solver,
+    Spring,
+)
 from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.drawing import (
     UNITS,
@@ -331,6 +341,27 @@ def test_a_solver_takes_a_drawing_and_what_load_returns():
     drawing = configuration.given.drawing
     found = [Solver(x).state(0.4, 2.0) for x in (drawing, configuration, drawing.mechanism())]
     assert found[0] == found[1] == found[2]
+
+
+@pytest.mark.parametrize('names', [('lever', 'rod', 'ram'), ('slider', 'rod', 'crank')])
+def test_loads_know_crank_and_piston_by_their_place_not_by_their_names(names):
+    crank, rod, ram = names
+    drawing = Drawing(
+        units='mm', input=crank, frame=['O'], pins={'O': (0, 0), 'A': (0, 30), 'S': (90, 0)},
+        links=[DrawnLink(crank, ['O', 'A']), DrawnLink(rod, ['A', 'S'])],
+        slides=[DrawnSlide(ram, (1, 0), 'S')],
+    )  # fmt: skip
+    gas = Gas(link=ram, bore=0.05, clearance=0.01, inlet=1e5)
+    start = LoadCurve(ram, 'crank_angle_from_tdc', (0.0, 1.0), pressure=(2e5, 1e5), bore=0.05)
+    curve = LoadCurve(ram, 'position', (0.0, 1.0), (10.0, -20.0))
+    given = drawing.mechanism(loads=[gas, start, curve])
+    plain = SliderCrank(
+        crank=given.crank, coupler=given.coupler, slider=given.slider,
+        loads=[replace(load, link='slider') for load in (gas, start, curve)],
+    )  # fmt: skip
+    assert Solver(given).state(0.4, 2.0) == Solver(plain).state(0.4, 2.0)
+    with pytest.raises(ConfigurationError, match=f'must be crank_angle on {crank}'):
+        Solver(drawing.mechanism(loads=[replace(curve, link=crank)]))
 
 
 def test_a_force_at_a_pin_acts_on_its_carrier():

@@ -179,7 +179,7 @@ LAW = {'drive': 'motion', 'motion.times': [0.0, 1.0]}
         ({'drive': 'torque', 'crank_angle': 0.0, 'coupler.length': 0.05}, 'cannot start'),
         (LAW | {'motion.positions': [0.2, 0.3]}
          | load_values('gas', link='slider', bore=0.1, clearance=0.1, inlet=1e5),
-         'the slider is driven, so that its stroke has no fixed ends'),
+         'a stroke whose ends the crank determines, but slider is driven'),
         ({'drive': 'torque', 'input': 'piston'}, "input = 'piston': must be one of crank, slider"),
     ],
 )  # fmt: skip

@@ -131,8 +131,8 @@ FOUR     kind: friction, guide: 0.1               guide = 0.1
 
 FOUR     GAS                                      link = 'slider' | crank, coupler, rocker
 SWINGING GAS                                      own.yaml | link = 'slider'
-SLIDER   kind: gas, link: crank, bore: 0.1, clearance: 0.01, inlet: 1.0e5  crank | SliderCrank
-PUMP     GAS                                      slider | WindPump
+SLIDER   kind: gas, link: crank, bore: 0.1, clearance: 0.01, inlet: 1.0e5  crank has no stroke
+PUMP     GAS                                      slider has no stroke
 LIMITED  GAS                                      stroke
 SLIDER   kind: gas, link: slider, clearance: 0.01, inlet: 1.0e5  bore is missing
 SLIDER   kind: gas, link: slider, bore: 0.1, clearance: 0.0, inlet: 1.0e5  clearance = 0.0 | 1e-09
@@ -161,14 +161,14 @@ SLIDER   CURVE, POINTS, bore: 0.1                 bore
 SLIDER   CURVE, POINTS, top: near                 top
 SLIDER   CURVE, PRESSURE                          pressure | bore
 SLIDER   CURVE, TDC, top: near, at: [0.0, 1.0e-17], value: [1.0, 2.0]  at must increase
-FOUR     kind: curve, link: rocker, PRESSURE, bore: 0.1  rocker | not a slider
+FOUR     kind: curve, link: rocker, PRESSURE, bore: 0.1  rocker | no stroke
 SLIDER   kind: curve, link: crank, over: position, POINTS  must be crank_angle
 SLIDER   kind: curve, link: coupler, POINTS       link = 'coupler' | crank or slider
 SLIDER   kind: curve, link: rocker, POINTS        link = 'rocker' | crank or slider
 PUMP     kind: curve, link: rocker, POINTS        link = 'rocker' | crank or slider
 TURNING  kind: curve, link: rocker, over: position, POINTS  over = 'position' | rocker
-SLIDER   kind: curve, link: crank, TDC, at: [0.0], value: [1.0]  over: crank of a SliderCrank
-FOUR     kind: curve, link: rocker, TDC, at: [0.0], value: [1.0]  over: rocker of a FourBar
+SLIDER   kind: curve, link: crank, TDC, at: [0.0], value: [1.0]  over: crank has no stroke
+FOUR     kind: curve, link: rocker, TDC, at: [0.0], value: [1.0]  over: rocker has no stroke
 LIMITED  CURVE, TDC, at: [0.0], value: [1.0]      over: | stroke
 
 SLIDER   CURVE, file: no.csv                      no.csv | No such file
@@ -193,7 +193,7 @@ SLIDER   CURVE, bore: 0.1, file: mm.csv           over = 'crank_angle' | positio
 SLIDER   CURVE, bore: 0.1, over: position, file: tdc.csv  must be crank_angle_from_tdc
 SLIDER   CURVE, bore: 0.1, TDC, file: mm.csv      must be position
 SLIDER   CURVE, bore: 0.1, TDC, file: degrees.csv  must be crank_angle,
-PUMP     CURVE, bore: 0.1, file: tdc.csv          slider of a WindPump
+PUMP     CURVE, bore: 0.1, file: tdc.csv          slider has no stroke
 """
 LINES = [line for line in WRONG.splitlines() if line]
 

@@ -180,6 +180,10 @@ class Mechanism(_FromDrawing):
         roles = [link.name for link in self.loop_structure().links]
         return dict(zip(own or roles, roles, strict=True))
 
+    def role_of(self, name: str) -> str:
+        """Returns the name of a link of the loop in this class; '' of another link."""
+        return self._roles().get(name, '')
+
     def parts(self) -> dict[str, Any]:
         """Returns the part of each link, with its mass and dimensions, by the link's name."""
         found = {name: getattr(self, role) for name, role in self._roles().items()}
@@ -301,8 +305,8 @@ class Mechanism(_FromDrawing):
         if any(link.slides and link.name == name for link in last):
             return stroke_of(self, what, name)
         raise ConfigurationError(
-            f'{what}: {name} of a {type(self).__name__} is not a slider whose stroke has fixed '
-            'ends; use a load over position, or crank_angle'
+            f'{what}: {name} has no stroke with fixed ends; use a load over position, or '
+            'crank_angle'
         )
 
     def reach(self) -> Reach | None:

@@ -584,7 +584,8 @@ class Conversion:
             ConfigurationError: A pin, a link or a cylinder does not exist.
         """
         label = getattr(load, 'label', f'points.{load.name}')
-        cylinder, known = getattr(load, 'cylinder', ''), {x.name for x in fields(load)}
+        cylinder = getattr(load, 'cylinder', '')
+        kinds = {x.name: getattr(x.metadata.get('quantity'), 'kind', '') for x in fields(load)}
         if cylinder:
             given = {x.name: x for x in self.drawing.cylinders if x.name != self.drawing.input}
             if cylinder not in given:
@@ -597,7 +598,7 @@ class Conversion:
             load = replace(load, cylinder='', pin=pins[0], to_pin=pins[1], to=FRAME_NAME)
         changes: dict[str, Any] = {}
         for link, at, pin in (('link', 'at', 'pin'), ('to', 'to_at', 'to_pin')):
-            if not {link, at} <= known:
+            if link not in kinds or kinds.get(at) != 'pair':  # a curve has a list
                 continue
             name, place = getattr(load, link), getattr(load, at)
             if given_pin := getattr(load, pin, ''):

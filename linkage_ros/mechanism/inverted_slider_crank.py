@@ -334,7 +334,7 @@ class InvertedSliderCrank(SlideDriven):
         Raises:
             ConfigurationError: The link is not the rod, or the crank does not turn fully.
         """
-        if name != 'rod':
+        if self.role_of(name) != 'rod':
             return super().stroke(what, name)
         square, angle = self.loop_of(self.description).square, self.frame.angle
         if square.limits:

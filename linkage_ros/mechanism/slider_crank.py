@@ -302,12 +302,13 @@ class SliderCrank(SlideDriven):
         Raises:
             ConfigurationError: The link does not slide, or its stroke has no fixed ends.
         """
-        if name != 'slider':
+        if self.role_of(name) != 'slider':
             return super().stroke(what, name)
         if self.drives_slide:
             raise ConfigurationError(
-                f'{what}: the slider is driven, so that its stroke has no fixed ends; use a load '
-                'over position'
+                f'{what}: a gas, a pressure and crank_angle_from_tdc need a stroke whose ends the '
+                f'crank determines, but {name} is driven; use a curve of values over position, or '
+                'let the crank be the input'
             )
         if self.grashof != 'crank-slider':
             raise ConfigurationError(

@@ -132,10 +132,6 @@ class LoadCurve(AppliedLoad):
         self._require_bore()
         if self.over != _POSITION:
             self._require_turns(at, self.value or self.pressure or ())
-        elif self.link == 'crank':
-            raise ConfigurationError(
-                f"{label}.over = 'position': must be crank_angle if {label}.link is crank"
-            )
 
     def _require_rising(self, at: Sequence[float]) -> None:
         for i, (x, y) in enumerate(itertools.pairwise(at), 2):
@@ -249,6 +245,9 @@ class LoadCurve(AppliedLoad):
         Returns:
             Directions of the crank, rad, or positions of the link, rad or m; forces there, N or
             N m; and, over the position of a turning link, the middle of its swing, rad.
+
+        Raises:
+            ConfigurationError: The curve is over the position of the crank, or has no stroke.
         """
         at, value, middle = self.at or (), self.value or self._pushes(mechanism), None
         if self.over == _FROM_TDC:
@@ -257,6 +256,10 @@ class LoadCurve(AppliedLoad):
             at = tuple(start + x for x in at)
             self._require_rising(at)  # rounding may make points equal
         slides = mechanism.structure().links[link].slides
+        if self.over == _POSITION and link == 0:
+            raise ConfigurationError(
+                f"{self.label}.over = 'position': must be crank_angle on {self.link}, the crank"
+            )
         if self.over == _POSITION and slides:
             refuse_angles(f'{self.label}.at', at, f'the {self.link}')
         if self.over == _POSITION and not slides:
