@@ -7,7 +7,7 @@ Masses, shapes and colours are those of the URDF.
 
 import cmath
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, cast
 from xml.etree import ElementTree as ET
@@ -100,27 +100,10 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     """
     structure = mechanism.structure()
     links, names = structure.links, [f'{joint_prefix}{link.name}' for link in structure.links]
-    position, velocity = (list(map(float, row)) for row in start[:2])
-    for i, link in reversed([*enumerate(links)]):
-        if link.parent is not None and not link.slides:
-            carrier, guide = axes_of(links, link.parent)
-            turned = guide or 0.0
-            if carrier is not None:
-                turned += position[carrier]
-                velocity[i] -= velocity[carrier]
-            position[i] = math.remainder(position[i] - turned, math.tau)
-    parser = ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))  # noqa: S314
-    robot = ET.fromstring(make_urdf(mechanism, joint_prefix).encode(), parser)  # noqa: S314
-    _, *described = robot.findall('link')
+    position, velocity = _joint_values(links, start)
     world, bodies, driven = _element('worldbody'), list[ET.Element](), names[structure.driven]
-    effort = 'torque on the crank, N m, counter-clockwise'
-    if structure.driven_link.slides:
-        word = structure.driven_link.driven_word
-        effort = {
-            'cylinder': 'force that lengthens the cylinder, N',
-            'slider': 'force on the slider, N, along its guide',
-        }[word]
-    for name, link, shape, at in zip(names, links, described, position, strict=True):
+    shapes = _shapes(mechanism, joint_prefix)
+    for name, link, shape, at in zip(names, links, shapes, position, strict=True):
         bodies.append(_body(name, link, shape, at))
         (world if link.parent is None else bodies[link.parent]).append(bodies[-1])
     order = [names.index(str(joint.get('name'))) for joint in world.iter('joint')]  # of MuJoCo
@@ -141,12 +124,12 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     ]
     sensors.append(_element('actuatorfrc', name=f'{driven}_effort', actuator=driven))
     for point in mechanism.points:
-        name, link = f'{joint_prefix}{point.name}', structure.link_index(point.link, point.name)
-        bodies[link].append(_site(name, complex(*(point.at or (0.0, 0.0)))))
+        name, carrier = f'{joint_prefix}{point.name}', structure.link_index(point.link, point.name)
+        bodies[carrier].append(_site(name, complex(*(point.at or (0.0, 0.0)))))
         sensors.append(_element('framepos', name=name, objtype='site', objname=name))
     root = _element(
         'mujoco',
-        ET.Comment(_ABOUT.format(name=driven, effort=effort)),
+        ET.Comment(_ABOUT.format(name=driven, effort=_effort_words(structure.driven_link))),
         _element('compiler', angle='radian'),
         _element(
             'option', timestep=repr(_TIMESTEP), integrator='RK4',
@@ -171,6 +154,37 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     )  # fmt: skip
     ET.indent(root)
     return ET.tostring(root, encoding='unicode') + '\n'
+
+
+def _joint_values(links: Sequence[Link], start: State) -> tuple[list[float], list[float]]:
+    """Returns positions and rates of the joints, each relative to the link that carries it."""
+    position, velocity = (list(map(float, row)) for row in start[:2])
+    for i, link in reversed([*enumerate(links)]):  # a carrier is converted after what it carries
+        if link.parent is not None and not link.slides:
+            carrier, guide = axes_of(links, link.parent)
+            turned = guide or 0.0
+            if carrier is not None:
+                turned += position[carrier]
+                velocity[i] -= velocity[carrier]
+            position[i] = math.remainder(position[i] - turned, math.tau)
+    return position, velocity
+
+
+def _shapes(mechanism: Mechanism, joint_prefix: str) -> list[ET.Element]:
+    """Returns the element <link> of each moving link in the URDF."""
+    parser = ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))  # noqa: S314
+    robot = ET.fromstring(make_urdf(mechanism, joint_prefix).encode(), parser)  # noqa: S314
+    _, *moving = robot.findall('link')
+    return moving
+
+
+def _effort_words(driven: Link) -> str:
+    if not driven.slides:
+        return 'torque on the crank, N m, counter-clockwise'
+    return {
+        'cylinder': 'force that lengthens the cylinder, N',
+        'slider': 'force on the slider, N, along its guide',
+    }[driven.driven_word]
 
 
 def _pairs(
