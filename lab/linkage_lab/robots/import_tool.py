@@ -194,9 +194,10 @@ def import_robot(options: argparse.Namespace) -> None:
         raise ConfigurationError('--weld needs --close TIP_LINK PIN_LINK')
     robot = read_robot(options.robot)
     request = Request(
-        options.crank, [(tip, pin) for tip, pin in options.close], options.frame or '',
-        dict(options.at), None if options.up is None else np.array(options.up),
-        options.world or '', options.weld,
+        crank=options.crank, close=[(tip, pin) for tip, pin in options.close],
+        frame=options.frame or '', at=dict(options.at),
+        up=None if options.up is None else np.array(options.up),
+        world=options.world or '', weld=options.weld,
     )  # fmt: skip
     try:
         found = draw_robot(robot, request)

@@ -117,6 +117,7 @@ def find_loops(robot: Robot, request: Request) -> Loops:
         robot, close = robot._replace(joints=[*robot.joints, *joints], closures=()), []
     tree = Tree(robot, request.crank)
     loops = _loops_of(robot, tree, request.crank, close)
+    # Each joint once; by identity, because arrays in joints have no hash.
     edges = [*{id(edge): edge for _, loop in loops for edge in loop}.values()]
     for edge in edges:
         if edge.joint.kind not in {REVOLUTE, PRISMATIC}:

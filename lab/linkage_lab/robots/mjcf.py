@@ -122,6 +122,7 @@ def _require_limits(path: Path) -> None:
             if element.tag == 'compiler':
                 folders |= {path.parent / element.get(name, '') for name in _FOLDERS}
             name = element.get('file', '')
+            # The compiler may search for a file in any of these folders.
             for file in (folder / name for folder in sorted(folders)):
                 if name and file.exists() and not file.is_file():
                     raise ConfigurationError(f'{file} is not a regular file')

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads an SDF model: http://sdformat.org/spec."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -192,22 +192,30 @@ def read_joint(
     axis = numbers(xyz, '', 3, '0 0 1')
     if xyz is not None and (other := xyz.get('expressed_in')):
         axis = at.rotation.T @ pose_of(other).rotation @ axis
-    given = [
-        f'{part.tag} = {value:g}'
-        for tag in ('damping', 'friction', 'spring_stiffness')
-        if (part := around.find(f'dynamics/{tag}')) is not None
-        if (value := numbers(part, '', 1)[0])
-    ]
-    given += [*unknown_in(element, _IN_JOINT), *unknown_in(around, _IN_AXIS)]
+    left_out = [
+        *_dynamics(around), *unknown_in(element, _IN_JOINT), *unknown_in(around, _IN_AXIS),
+    ]  # fmt: skip
     if (mimic := child_of(around, 'mimic')) is not None:
-        multiplier, offset, reference = (
-            float(numbers(mimic.find(tag), '', 1, default)[0])
-            for tag, default in (('multiplier', '1'), ('offset', '0'), ('reference', '0'))
-        )
-        other = mimic.get('joint', '')
-        found = found._replace(mimics=(other, multiplier, offset - multiplier * reference))
+        found = found._replace(mimics=_mimics(mimic))
     axis = unit(axis, f'the axis of joint {shown(name)}')
-    return found._replace(axis=axis, left_out=', '.join(given))
+    return found._replace(axis=axis, left_out=', '.join(left_out))
+
+
+def _dynamics(axis: ET.Element) -> Iterator[str]:
+    """Yields the forces of an <axis> that are not 0."""
+    for tag in ('damping', 'friction', 'spring_stiffness'):
+        part = axis.find(f'dynamics/{tag}')
+        if part is not None and (value := numbers(part, '', 1)[0]):
+            yield f'{part.tag} = {value:g}'
+
+
+def _mimics(mimic: ET.Element) -> tuple[str, float, float]:
+    """Returns the joint that a joint follows, the ratio, and the value where the other is 0."""
+    multiplier, offset, reference = (
+        float(numbers(mimic.find(tag), '', 1, default)[0])
+        for tag, default in (('multiplier', '1'), ('offset', '0'), ('reference', '0'))
+    )
+    return mimic.get('joint', ''), multiplier, offset - multiplier * reference
 
 
 def read_pose(element: ET.Element) -> Transform:
