@@ -787,10 +787,12 @@ class Solver:
         """
         program = self.program(joint_load_round, *_ROUND, under=under)
         motion = (*self._row('q', q), *self._row('u', u), *self._row('a', a))
+        # Arguments of the program: the motion, the fields of a `Search`, and the conditions.
         start, end = len(motion), len(program.names) - len(under.values)
         names = program.names[:start] + program.names[end:]
         given, shape = real_numbers(names, [*motion, *under.values])
-        search: list[Real] = [1.0, 0.0, math.inf, *[0.0] * (end - start - 3)]
+        share, solved, change = 1.0, 0.0, math.inf
+        search: list[Real] = [share, solved, change, *[0.0] * (end - start - 3)]
         if shape is not None:  # arrays from the start, so that all rounds use one program
             search = [np.full(shape, value) for value in search]
         for _ in range(_ROUNDS):

@@ -93,8 +93,10 @@ class LawMotion(Motion):
             return Coordinates(
                 (angle,), (rate,), (acceleration,), angle, conditions=self.conditions
             )
-        unwrapped = with_turns(angle, turns / 2)
-        reduced = with_turns(angle, turns / 2 - int((turns + angle / math.tau) / 2))
+        pairs = turns / 2  # of whole turns
+        whole_pairs = int((turns + angle / math.tau) / 2)
+        unwrapped = with_turns(angle, pairs)
+        reduced = with_turns(angle, pairs - whole_pairs)
         return Coordinates(
             (reduced,), (rate,), (acceleration,), unwrapped, conditions=self.conditions
         )

@@ -239,15 +239,15 @@ def _settling(begin: float, end: float, rate: float, time: float) -> tuple[float
 
 
 def _stretched(random: Random, i: int) -> MotionCase:
-    while True:
+    while True:  # some random motions stretch no dyad
         if i % 4 == 3:
             mechanism = limited(random)
             start, end = Solver(mechanism).reach.arcs[0]
             speed = float(random.uniform(3, 6)) * (end - start)
             problem = InitialValueProblem(mechanism, ((start + end) / 2, speed))
         else:
-            drawn = float(random.uniform(4.6, 8.0)) * (1 if random.random() < 0.5 else -1)
-            problem = driven_pump(2.0, (5.0, 6.0, -7.0)[i] if i < 3 else drawn)
+            torque = float(random.uniform(4.6, 8.0)) * (1 if random.random() < 0.5 else -1)
+            problem = driven_pump(2.0, (5.0, 6.0, -7.0)[i] if i < 3 else torque)
         at, stretched = _stretch(problem)
         if stretched is not None:
             times = stretched * np.linspace(0.0, 1.5, 14)[1:]
