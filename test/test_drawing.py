@@ -155,7 +155,7 @@ def unsolvable(drawing, rng):
             replace(x, pins=(*x.pins, changed[x.name])) if x.name in changed else x for x in links
         ]
         links.append(DrawnLink('strut', ['X', 'W']))
-        words = 'nothing can move|no two of these|no loop|joins|neither can'
+        words = 'nothing can move|these can only be found|no loop|joins|neither can'
     elif kind == 'loose':  # a link that hangs from another
         links.append(DrawnLink('loose', ['X', 'W']))
         pins |= {'X': (3.1, 0.3), 'W': (2.9, -0.8)}
@@ -168,7 +168,7 @@ def unsolvable(drawing, rng):
         links.append(DrawnLink('platform', ['Q0', 'Q1', 'Q2']))
         frame = *frame, 'P1', 'P2'
         links[0] = replace(links[0], pins=(*links[0].pins, 'P0'))
-        words = 'leg0, leg1, leg2, platform: no two of these .* 1 degree of freedom'
+        words = 'leg0, leg1, leg2, platform: .* found together.* 1 degree of freedom'
     rng.shuffle(links)
     return {'links': links, 'pins': pins, 'frame': frame}, words
 

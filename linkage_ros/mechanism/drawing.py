@@ -442,7 +442,8 @@ def _loose_parts(drawing: Drawing) -> Iterator[str]:
         joints = len(joined) + isinstance(part, DrawnSlide)
         joints += sum(slide.on == part.name for slide in drawing.slides)
         if joints < 2:
-            held = f'at {joined[0]} alone' if joined else 'nowhere'
+            held = 'by its line alone' if isinstance(part, DrawnSlide) else 'nowhere'
+            held = f'at {joined[0]} alone' if joined else held
             yield (
                 f'{label} is joined to the others {held}: no other link has its '
                 f'{" or ".join(single)}; add {"it" if len(single) == 1 else "one"} to another '

@@ -659,25 +659,30 @@ class Conversion:
         carriers = ' and '.join(dict.fromkeys(self.carrier(pin) for pin in held))
         also = f' and slides on {body.on}' if body.on and self.is_known(body.on) else ''
         return (
-            f'{body.name} joins {carriers} at {" and ".join(held)}{also}, which already move '
-            f'without it in one way, through {listed(self.axes)}, so that nothing can move; leave '
-            f'out {body.name}, one of its pins, or another link; {self.freedom()}'
+            f'{body.name} joins {carriers} at {" and ".join(held)}{also}, but their motion is '
+            f'already determined by {listed(self.axes)}, so that nothing can move; leave out '
+            f'{body.name}, one of its pins, or another link; {self.freedom()}'
         )
 
     def unsolved(self, waiting: Mapping[str, _Body]) -> str:
         """Explains which bodies are left."""
-        return (
-            f'{listed(waiting)}: no two of these are held by the links before them as a dyad, '
-            f'so that they cannot be solved one pair after another; {self.freedom()}'
-        )
+        why = 'no two of these hang as a pair on the other links, so that they are not determined'
+        if self.degrees == 1:
+            why = 'these can only be found together, not pair after pair, which is not supported'
+        return f'{listed(waiting)}: {why}; {self.freedom()}'
 
-    def freedom(self) -> str:
-        """Counts the degrees of freedom of the drawing."""
+    @property
+    def degrees(self) -> int:
+        """The number of degrees of freedom, counted by links and joints."""
         joints = sum(1 for body in self.bodies.values() if body.on)
         for pin in self.at:
             count = sum(pin in body.pins for body in self.bodies.values())
             joints += max(0, count - 1 + (pin in self.drawing.frame))
-        free = 3 * len(self.bodies) - 2 * joints
+        return 3 * len(self.bodies) - 2 * joints
+
+    def freedom(self) -> str:
+        """Describes the number of degrees of freedom."""
+        free = self.degrees
         return (
             f'counted by links and joints the drawing has {free} degree'
             f'{"" if free == 1 else "s"} of freedom'
