@@ -7,9 +7,9 @@ import html
 import json
 import math
 import string
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib import resources
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
@@ -243,57 +243,71 @@ def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:
     return '\n'.join(parts), _SIZE / height, np.round(10 * places).astype('<i2')
 
 
+class _Scale(NamedTuple):
+    """The vertical axis of a curve.
+
+    Attributes:
+        low: Value at the bottom.
+        factor: Pixels per unit.
+        bottom: Coordinate y of the bottom, px, downwards.
+    """
+
+    low: float
+    factor: float
+    bottom: float
+
+    def y(self, value: Any) -> Any:
+        """Returns the coordinate y of a value or of values, px."""
+        return self.bottom - self.factor * (value - self.low)
+
+
 def _curves(
     period: Period, quantities: Sequence[_Quantity], shown: Array
-) -> tuple[str, list[tuple[float, float, float] | None]]:
+) -> tuple[str, list[_Scale | None]]:
     """Draws the curves one below the other over a common axis of crank angles.
 
     Returns:
-        The picture as SVG; for each quantity the value at the bottom of its curve, the scale in px
-        per unit, and the y coordinate of the bottom, or None if it is not drawn.
+        The picture as SVG; and for each quantity its axis, or None if it is not drawn.
     """
     drawn = sum(quantity.is_drawn for quantity in quantities)
     height, right = drawn * (_ROW + _GAP) + _FOOT, _SIZE - _RIGHT
     start, end = period.marks[0], period.marks[-1]
-    across = _LEFT + (right - _LEFT) * (period.marks - start) / (end - start)
+
+    def across(marks: Any) -> Any:
+        return _LEFT + (right - _LEFT) * (marks - start) / (end - start)
+
     parts, above = list[str](), list[str]()  # `above` covers the grid
-    scales, top = list[tuple[float, float, float] | None](), float(_TOP)
+    scales, top = list[_Scale | None](), float(_TOP)
     for i, quantity in enumerate(quantities):
         if not quantity.is_drawn:
             scales.append(None)
             continue
         limits = shown_range([quantity.values], _range(quantity.values))
         ticks = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(*limits)
-        low, bottom = float(ticks[0]), top + _ROW
-        scale = _ROW / (float(ticks[-1]) - low)
-        scales.append((low, scale, bottom))
+        low, high = float(ticks[0]), float(ticks[-1])
+        scale = _Scale(low, _ROW / (high - low), top + _ROW)
+        scales.append(scale)
         above.append(
             f'<text class="title" x="{_LEFT}" y="{top - 8:g}">{html.escape(quantity.name)}, '
             f'{quantity.unit}</text>'
         )
         for tick in ticks:
-            y = bottom - scale * (tick - low)
+            y = scale.y(tick)
             parts.append(f'<path class="grid" d="M{_LEFT} {y:.1f}H{right}"/>')
             parts.append(
                 f'<text class="tick" x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">'
                 f'{tick + 0.0:.6g}</text>'
             )
-        # No part of the curve outside the diagram, nor where the values are infinite.
-        height = bottom - scale * (quantity.values[shown] - low)
-        is_inside = (height >= top - 1) & (height <= bottom + 1)
-        cuts = np.flatnonzero(np.diff(is_inside)) + 1
-        for part in np.split(np.arange(len(shown)), cuts):
-            if is_inside[part[0]]:
-                points = np.stack([across[shown][part], height[part]], axis=-1)
-                parts.append(
-                    f'<polyline points="{_spaced(points)}" stroke="rgb{quantity.color}" '
-                    'stroke-width="2"/>'
-                )
+        points = np.stack([across(period.marks[shown]), scale.y(quantity.values[shown])], axis=-1)
+        parts += (
+            f'<polyline points="{_spaced(part)}" stroke="rgb{quantity.color}" stroke-width="2"/>'
+            for part in _parts_inside(points, top, scale.bottom)
+        )
         above.append(f'<circle id="dot{i}" r="5" fill="rgb{quantity.color}"/>')
-        top = bottom + _GAP
+        top = scale.bottom + _GAP
     foot = top - _GAP
     for mark in np.linspace(start, end, 5):
-        x = _LEFT + (right - _LEFT) * (mark - start) / (end - start)
+        x = across(mark)
         parts.append(f'<path class="grid" d="M{x:.1f} {_TOP}V{foot:g}"/>')
         parts.append(
             f'<text class="tick" x="{x:.1f}" y="{foot + 16:g}" text-anchor="middle">'
@@ -309,6 +323,16 @@ def _curves(
         f'aria-label="curves over the {period.across.name.lower()}">'
     )
     return '\n'.join([head, *parts]), scales
+
+
+def _parts_inside(points: Array, top: float, bottom: float) -> Iterator[Array]:
+    """Yields the parts of a curve inside the diagram, which infinite values are not."""
+    y = points[:, 1]
+    is_inside = (y >= top - 1) & (y <= bottom + 1)
+    cuts = np.flatnonzero(np.diff(is_inside)) + 1
+    for part in np.split(np.arange(len(points)), cuts):
+        if is_inside[part[0]]:
+            yield points[part]
 
 
 def _range(values: Array) -> tuple[float, float]:

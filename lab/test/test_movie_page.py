@@ -4,6 +4,7 @@
 
 import json
 import math
+import re
 
 import browser
 import numpy as np
@@ -31,6 +32,8 @@ def test_page_of_a_preset_is_small_and_links_to_nothing(tmp_path, called, preset
     text = page(tmp_path, called, preset).read_text()
     assert len(text.encode()) < LARGEST
     assert '://' not in text
+    boxes = re.findall('viewBox="([^"]*)"', text)
+    assert [len([*map(float, box.split())]) for box in boxes] == [4, 4]
 
 
 def test_page_stays_small_however_many_corners_loads_have(tmp_path, called):
