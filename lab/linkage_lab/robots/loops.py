@@ -174,6 +174,27 @@ def _loops_of(
     Raises:
         ConfigurationError: There is none, or a loop of `close` is not among them.
     """
+    closures, others = _closures_of(robot, tree)
+    if close:
+        closures = _closures_between(close, closures)
+    loops = [(closure, tree.edges_of_loop(closure)) for closure in closures]
+    found, rest = _connected(loops, crank)
+    if close and rest:
+        _refuse_loop(*rest[0], crank, is_only=not found)
+    if not found:
+        for closure, loop in rest:
+            joined = listed(edge.joint.name for edge in loop)
+            others.append(f'{closure.name} closes a loop of {joined or "no joint"}')
+        has = listed(others, '; ') or 'none'
+        raise ConfigurationError(
+            f'no closure in the model closes a loop with {crank} (constraints: {has}): give '
+            '--close and two links whose origins coincide in the closed loop'
+        )
+    return sorted(found, key=lambda loop: crank not in _joint_names(loop))
+
+
+def _closures_of(robot: Robot, tree: Tree) -> tuple[list[Closure], list[str]]:
+    """Returns the closures of a model and of joints that close loops; and other constraints."""
     closures, others = list(robot.closures), list(robot.others)
     for joint in tree.leftover:
         if joint.kind in {REVOLUTE, BALL}:
@@ -183,35 +204,33 @@ def _loops_of(
             closures.append(Closure(name, (joint.parent, joint.child), points, axis, joint.name))
         else:
             others.append(f'joint {shown(joint.name)} is {joint.kind}: must be revolute or ball')
-    if close:
-        zero = np.zeros(3)
-        closures = [
-            closure
-            for pair in close
-            for closure in [x for x in closures if {*x.links} == {*pair}]
-            or [Closure(pair[0], pair, (zero, zero))]
-        ]
-    waiting = [(closure, tree.edges_of_loop(closure)) for closure in closures]
-    found, joints = list[_Loop](), {crank}
-    while True:
-        more = [x for x in waiting if joints & {edge.joint.name for edge in x[1]}]
-        if not more:
-            break
+    return closures, others
+
+
+def _closures_between(
+    pairs: Sequence[tuple[str, str]], closures: Sequence[Closure]
+) -> list[Closure]:
+    """Returns the closures between pairs of links; if there is none, their origins coincide."""
+    found, origin = list[Closure](), np.zeros(3)
+    for pair in pairs:
+        between = [closure for closure in closures if {*closure.links} == {*pair}]
+        found += between or [Closure(pair[0], pair, (origin, origin))]
+    return found
+
+
+def _connected(loops: Sequence[_Loop], crank: str) -> tuple[list[_Loop], list[_Loop]]:
+    """Returns the loops that share joints with the crank's, also through others; and the rest."""
+    found, rest, joints = list[_Loop](), [*loops], {crank}
+    while more := [loop for loop in rest if joints & _joint_names(loop)]:
+        rest = [loop for loop in rest if not joints & _joint_names(loop)]
         found += more
-        waiting = [x for x in waiting if not any(x is y for y in more)]
-        joints |= {edge.joint.name for _, loop in more for edge in loop}
-    if close and waiting:
-        _refuse_loop(*waiting[0], crank, is_only=not found)
-    if not found:
-        for closure, loop in waiting:
-            joined = listed(edge.joint.name for edge in loop)
-            others.append(f'{closure.name} closes a loop of {joined or "no joint"}')
-        has = listed(others, '; ') or 'none'
-        raise ConfigurationError(
-            f'no closure in the model closes a loop with {crank} (constraints: {has}): give '
-            '--close and two links whose origins coincide in the closed loop'
-        )
-    return sorted(found, key=lambda x: crank not in {edge.joint.name for edge in x[1]})
+        joints.update(*map(_joint_names, more))
+    return found, rest
+
+
+def _joint_names(loop: _Loop) -> set[str]:
+    _, edges = loop
+    return {edge.joint.name for edge in edges}
 
 
 def _refuse_loop(closure: Closure, loop: Sequence[Edge], crank: str, *, is_only: bool) -> NoReturn:
