@@ -697,8 +697,9 @@ def stepped(period: Period, step: float, *, reactions: bool = False) -> dict[str
             continue
         if unit == 'rad':  # continuous, although the steps may be large
             near = np.interp(crank, period.crank, period.columns[name].values)
-            values = np.degrees(values + math.tau * np.round((near - values) / math.tau))
-        columns[name] = Column('deg' if unit == 'rad' else unit, values)
+            turns = np.round((near - values) / math.tau)
+            unit, values = 'deg', np.degrees(values + math.tau * turns)
+        columns[name] = Column(unit, values)
     places = period.drawing.place(table.rows('position'))
     for pin, place in zip(period.drawing.pins, np.moveaxis(places, 1, 0), strict=True):
         columns |= {f'{pin}.{x}': Column('m', place[:, i]) for i, x in enumerate('xy')}

@@ -131,16 +131,18 @@ class RowLayout(Template):
         Returns:
             The bytes of the rows.
         """
-        count, size, end = len(messages), self.size, 0
+        count, size = len(messages), self.size
         rows = bytearray(self._blank * count)
         into = np.frombuffer(rows, np.uint8).reshape(count, size)
         data = np.frombuffer(b''.join(messages), np.uint8).reshape(count, -1)
-        both = np.array(times, np.uint64).reshape(count, 1)
-        for start, after in pairwise(self._ends):
+        both_times = np.array(times, np.uint64).reshape(count, 1)
+        begin = 0  # of the next message in `data`
+        for start, end in pairwise(self._ends):
             body = start + MESSAGE_HEAD.size
-            begin, end = end, end + after - body
-            into[:, body:after] = data[:, begin:end]
-            np.ndarray((count, 2), '<u8', rows, start + _CONSTANT, (size, 8))[:] = both
+            into[:, body:end] = data[:, begin : begin + end - body]
+            begin += end - body
+            in_head = np.ndarray((count, 2), '<u8', rows, start + _CONSTANT, strides=(size, 8))
+            in_head[:] = both_times
         return rows
 
     def fitting(self, records: bytes | bytearray) -> int:

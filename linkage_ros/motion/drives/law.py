@@ -105,18 +105,19 @@ class Prescribed(Checked):
             self._read()
         is_sine = self.amplitude is not None and self.frequency is not None
         lists = [name for name in _LIST_OF.values() if getattr(self, name) is not None]
-        places = {'angles', 'positions'} & {*lists}
-        if is_sine == bool(lists) or (lists and ('times' not in lists or len(places) != 1)):
+        has_points = 'times' in lists and ('angles' in lists) != ('positions' in lists)
+        is_complete = not lists if is_sine else has_points
+        if not is_complete:
             raise ConfigurationError(
                 'motion: give times and angles, or file, or amplitude and frequency; for a '
                 'cylinder or slider, positions instead of angles'
             )
-        of_other = (
-            {'spline', 'repeat'} if is_sine else {'center', 'amplitude', 'frequency', 'phase'}
-        )
+        unused = {'center', 'amplitude', 'frequency', 'phase'}
+        if is_sine:
+            unused = {'spline', 'repeat'}
         for field in fields(self):
             value = getattr(self, field.name)
-            if field.name in of_other and value != field.default:
+            if field.name in unused and value != field.default:
                 raise ConfigurationError(
                     f'motion.{field.name} = {shown(value)}: leave it out, because it is for '
                     + ('points, not for a sine' if is_sine else 'a sine, not for points')
@@ -125,7 +126,7 @@ class Prescribed(Checked):
             raise ConfigurationError('motion.accelerations: give motion.speeds as well')
         if lists:
             self._check_points(lists)
-        _ = self.law
+        _ = self.law  # rejects points without a law
 
     def _check_points(self, lists: Sequence[str]) -> None:
         times: Any = self.times
