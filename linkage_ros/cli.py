@@ -8,6 +8,7 @@ Public: other packages may import this module.
 import argparse
 import atexit
 import io
+import json
 import math
 import os
 import signal
@@ -34,6 +35,12 @@ from linkage_ros.quantities import Quantity, shown
 # Option names, `Quantity` of a numeric option, and keyword arguments for argparse.
 Option: TypeAlias = tuple[tuple[str, ...], Quantity | None, dict[str, Any]]
 
+OVERWRITE: Option = (
+    ('--overwrite',), None, {'action': 'store_true', 'help': 'replace existing files'},
+)  # fmt: skip
+JSON: Option = (
+    ('--json',), None, {'action': 'store_true', 'help': 'print JSON instead of text'},
+)  # fmt: skip
 STOPPED_BY_USER = 130
 _POLL_SECONDS = 0.05  # between checks for a request to stop
 # After a request to stop, s: before a second signal makes it urgent, and for each thread after it.
@@ -264,6 +271,25 @@ def _warnings_as_notes() -> Iterator[None]:
 
         warnings.showwarning = show_note
         yield
+
+
+def print_notes(notes: Iterable[str]) -> None:
+    """Prints each note on stderr, once; standard output is for results."""
+    for line in dict.fromkeys(filter(None, notes)):
+        print_error('note', line)
+
+
+def print_json(value: object) -> None:
+    """Prints a value as JSON; numbers that are not finite are null."""
+    print(json.dumps(_finite(value), indent=1, allow_nan=False))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {name: _finite(each) for name, each in value.items()}
+    return [*map(_finite, value)] if isinstance(value, (list, tuple)) else value
 
 
 def leave(code: int) -> int:

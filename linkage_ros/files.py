@@ -6,16 +6,19 @@ import errno
 import fcntl
 import os
 import stat
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import BinaryIO, Literal, TextIO
 
 from linkage_ros.errors import LinkageError
 
+STANDARD_OUTPUT = '-'
 _EXISTS = 'already exists: choose another name, or'
 # Largest size of a file that is read as a whole, bytes.
 LARGEST = 1 << 24
+_FOLDER = 'is a folder: add a file name'
 _WRITTEN = 'is being written by another run: choose another name'
 
 
@@ -73,10 +76,10 @@ def read_file(path: Path | str, largest: int = LARGEST) -> bytes:
 def create_file(
     path: Path | str, kind: type[LinkageError], *, overwrite: bool, cure: str
 ) -> BinaryIO:
-    """Creates a file with `open_file`, or replaces it.
+    """Creates a file with `open_file`, or replaces it; for files that are read while they grow.
 
     Args:
-        path: Path of the file.
+        path: Path of the file. Its folder is created if that folder's parent exists.
         kind: Class of the exception to raise.
         overwrite: Whether to replace an existing file.
         cure: Instruction for replacing an existing file, for the error message.
@@ -89,9 +92,11 @@ def create_file(
             is of type `kind`.
     """
     try:
+        with suppress(OSError, ValueError):  # opening the file then gives the reason
+            Path(path).parent.mkdir(exist_ok=True)
         return open_file(path, 'wb' if overwrite else 'xb')
     except (FileExistsError, IsADirectoryError):
-        problem = 'is a folder: add a file name' if Path(path).is_dir() else f'{_EXISTS} {cure}'
+        problem = _FOLDER if Path(path).is_dir() else f'{_EXISTS} {cure}'
     except BlockingIOError:
         problem = _WRITTEN
     except OSError as error:
@@ -99,17 +104,47 @@ def create_file(
     raise kind(f'{path} {problem}')
 
 
+def require_new(path: Path | str, kind: type[LinkageError], *, overwrite: bool, cure: str) -> None:
+    """Rejects a path at which no file may be written, before the work for the file begins.
+
+    Args:
+        path: Path of the file, or '-'.
+        kind: Class of the exception to raise.
+        overwrite: Whether to replace an existing file.
+        cure: Instruction for replacing an existing file, for the error message.
+
+    Raises:
+        LinkageError: The file exists and must not be replaced, or its folder cannot be created.
+            The exception is of type `kind`.
+    """
+    if str(path) == STANDARD_OUTPUT:
+        return
+    problem = ''
+    if os.path.isdir(path):  # noqa: PTH112, accepts invalid names
+        problem = _FOLDER
+    elif os.path.lexists(path) and not os.path.isfile(path):  # noqa: PTH113
+        problem = 'is not a regular file: choose another name'
+    elif os.path.lexists(path) and not overwrite:
+        problem = f'{_EXISTS} {cure}'
+    elif is_written(path):
+        problem = _WRITTEN
+    if problem:
+        raise kind(f'{path} {problem}')
+    if not path_exists(Path(path).parent.parent):
+        raise kind(f'{path} cannot be written: {reason(FileNotFoundError(), path)}')
+
+
 @contextmanager
 def replacement(
     path: Path | str, kind: type[LinkageError], *, overwrite: bool, cure: str
 ) -> Iterator[Path]:
-    """Provides a temporary file that replaces a file once it is complete.
+    """Provides a temporary file that becomes the file once it is complete.
 
     At the end of the block, the temporary file is renamed to `path`. If the block raises an
     exception, the temporary file is removed.
 
     Args:
-        path: Path of the file to replace.
+        path: Path of the file. Its folder is created if that folder's parent exists.
         kind: Class of the exception to raise.
         overwrite: Whether to replace an existing file.
         cure: Instruction for replacing an existing file, for the error message.
@@ -118,32 +153,51 @@ def replacement(
         Path of the temporary file, in the same folder.
 
     Raises:
-        LinkageError: The file exists and must not be replaced, or cannot be replaced. The
-            exception is of type `kind`.
+        LinkageError: As for `require_new`, or the file cannot be written.
     """
-    problem = ''
-    if os.path.lexists(path) and not os.path.isfile(path):  # noqa: PTH113, accepts invalid names
-        problem = 'is not a regular file: choose another name'
-    elif os.path.lexists(path) and not overwrite:
-        problem = f'{_EXISTS} {cure}'
-    elif is_written(path):
-        problem = _WRITTEN
-    if problem:
-        raise kind(f'{path} {problem}')
+    require_new(path, kind, overwrite=overwrite, cure=cure)
     try:
         target = Path(os.path.realpath(path))
+        target.parent.mkdir(exist_ok=True)
         temporary = target.with_name(f'.{os.getpid()}.part{target.suffix}')
         temporary.touch()
     except (OSError, ValueError) as error:  # ValueError for a NUL or a lone surrogate in the name
         raise kind(f'{path} cannot be written: {reason(error, path)}') from error
     try:
         yield temporary
-        try:
-            temporary.replace(target)
-        except OSError as error:
-            raise kind(f'{path} cannot be written: {reason(error, path)}') from error
+        temporary.replace(target)
+    except OSError as error:
+        raise kind(f'{path} cannot be written: {reason(error, path)}') from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def text_output(
+    path: Path | str, kind: type[LinkageError], *, overwrite: bool, cure: str
+) -> Iterator[TextIO]:
+    """Opens a text file in UTF-8 as `replacement` does; '-' is standard output.
+
+    Args:
+        path: Path of the file, or '-'.
+        kind: Class of the exception to raise.
+        overwrite: Whether to replace an existing file.
+        cure: Instruction for replacing an existing file, for the error message.
+
+    Yields:
+        The stream.
+
+    Raises:
+        LinkageError: As for `replacement`.
+    """
+    if str(path) == STANDARD_OUTPUT:
+        yield sys.stdout
+        return
+    with (
+        replacement(path, kind, overwrite=overwrite, cure=cure) as part,
+        part.open('w', newline='', encoding='utf-8') as stream,
+    ):
+        yield stream
 
 
 def reason(error: Exception, path: Path | str) -> str:

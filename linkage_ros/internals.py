@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from linkage_ros.errors import printable
-from linkage_ros.files import create_file, is_same_file
+from linkage_ros.files import STANDARD_OUTPUT, is_same_file, replacement, require_new, text_output
 from linkage_ros.mechanism.axes import axes_of, spin_of
 from linkage_ros.mechanism.dyad_reach import reach_of
 from linkage_ros.mechanism.equations import Model, acting_forces, torque
@@ -47,6 +47,7 @@ def logged_states(path: Path | str, most: int) -> Any:
 
 __all__ = [
     'FRAME',
+    'STANDARD_OUTPUT',
     'UNITS',
     'Configuration',
     'Drawing',
@@ -62,7 +63,6 @@ __all__ = [
     'axes_of',
     'configuration_of',
     'configure',
-    'create_file',
     'extremes_between',
     'is_same_file',
     'live_steps',
@@ -80,9 +80,12 @@ __all__ = [
     'read_xml',
     'read_yaml',
     'record_steps',
+    'replacement',
+    'require_new',
     'reversals',
     'rigid_links',
     'spin_of',
+    'text_output',
     'torque',
     'without_turns',
     'wrap',

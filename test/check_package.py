@@ -26,7 +26,7 @@ TRIED = (
     'linkage_chart movie wiper wiper.gif',
     'linkage_chart movie wiper wiper.html',
     'linkage_export mjcf compressor compressor.xml',
-    'linkage_record --help',
+    'linkage_record --help-parameters',
 )
 
 

@@ -19,7 +19,7 @@ from linkage_ros.programs.log_commands import info
 from linkage_ros.programs.record import record
 from linkage_ros.quantities import quantity
 from linkage_ros.settings.configuration import configure
-from linkage_ros.settings.help import help_on_every_kind
+from linkage_ros.settings.help import help_on_kind
 from linkage_ros.settings.summary import summary
 from linkage_ros.units import NS_PER_S
 
@@ -86,7 +86,7 @@ def test_a_drive_of_its_own_is_configured_recorded_and_verified(configuration, t
     assert (report.states, report.difference) == (200, '')
     assert '  0.000000 s: settles from 11 rad/s' in [*info(log)]
     assert 'settles from 11 rad/s' in summary(configuration, Solver(configuration.mechanism))
-    assert '\n  speed: ' in help_on_every_kind()
+    assert '\n  speed: ' in help_on_kind()
 
 
 def test_another_motion_of_such_a_drive_is_a_difference(configuration, tmp_path, monkeypatch):

@@ -316,7 +316,7 @@ def test_file_system_without_locks_can_be_written(path, tmp_path, monkeypatch):
     assert write(tmp_path / 'run.mcap').read_bytes() == path.read_bytes()
 
 
-@pytest.mark.parametrize('where', ['missing/run.mcap', 'file/run.mcap', 'x' * 300 + '.mcap'])
+@pytest.mark.parametrize('where', ['missing/a/run.mcap', 'file/run.mcap', 'x' * 300 + '.mcap'])
 def test_a_path_that_cannot_be_written_or_read_is_one_clear_error(tmp_path, where):
     (tmp_path / 'file').write_bytes(b'')
     refused(

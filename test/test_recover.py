@@ -354,17 +354,17 @@ def test_target_in_use_or_not_a_file_is_kept(tmp_path, whole):
     target, folder, missing = (
         tmp_path / 'out.mcap',
         tmp_path / 'folder',
-        tmp_path / 'no' / 'out.mcap',
+        tmp_path / 'no' / 'way' / 'out.mcap',
     )
     with LogWriter(target, load('quadrilateral'), overwrite=False):
         size = target.stat().st_size
         refused(whole.path, target, 'is being written by another run', overwrite=True)
         assert target.stat().st_size == size
     folder.mkdir()
-    refused(whole.path, folder, 'is not a regular file', overwrite=True)
+    refused(whole.path, folder, 'is a folder: add a file name', overwrite=True)
     refused(whole.path, '/dev/null', '/dev/null is not a regular file', overwrite=True)
     refused(whole.path, missing, 'cannot be written: there is no folder .*/no$', overwrite=True)
-    refused(missing, tmp_path / 'new.mcap', 'no/out.mcap cannot be read: No such file')
+    refused(missing, tmp_path / 'new.mcap', 'no/way/out.mcap cannot be read: No such file')
     refused(folder, tmp_path / 'new.mcap', 'folder is a folder: give an .mcap file in it$')
 
 

@@ -146,7 +146,7 @@ LINES = [
      "assembly = 'Open': must be one of open, crossed"),
     (partial(configured, FOUR, 'crank', 0.1),
      ("'crank' is not a parameter of a four_bar; crank has length, mass, inertia, center; write "
-     'crank: {length: ...}; linkage_record --help lists all')),
+     'crank: {length: ...}; linkage_record --help-parameters lists all')),
     (partial(configured, FOUR, 'motor.torque', 1.0),
      ("'motor.torque' is not a parameter of a four_bar: only a crank with drive: torque has "
       'motor; leave it out')),

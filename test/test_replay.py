@@ -257,7 +257,7 @@ class View:
 @pytest.fixture
 def view(monkeypatch):
     view = View()
-    monkeypatch.setattr(rerun_connection, 'View', lambda *_, read: view)
+    monkeypatch.setattr(rerun_connection, 'View', lambda *_, read, **__: view)
     return view
 
 

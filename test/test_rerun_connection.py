@@ -176,10 +176,10 @@ VALID = re.escape('is not one of: spawn, web, rerun+http://HOST:PORT/proxy or a 
     [('', False, VALID), ('http://x/run.rrd', False, VALID),
      ('rerun+http://127.0.0.1:65536/proxy', False, VALID),
      ('folder.rrd', False, 'is a folder: add a file name'),
-     ('none/run.rrd', False, 'cannot be written: there is no folder none'),
+     ('no/way/run.rrd', False, 'cannot be written: there is no folder no$'),
      ('pipe.rrd', False, 'already exists'),
      ('pipe.rrd', True, 'cannot be written'),
-     ('old.rrd', False, 'already exists: choose .* set log_overwrite'),
+     ('old.rrd', False, 'already exists: choose .* give --overwrite .a node: log_overwrite.'),
      ('busy.rrd', True, 'is being written by another run')],
 )  # fmt: skip
 def test_wrong_target_is_refused_and_left_alone(tmp_path, monkeypatch, target, overwrite, words):

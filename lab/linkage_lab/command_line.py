@@ -38,7 +38,7 @@ def _formats(text: str) -> tuple[str, ...]:
 
 _OUT: cli.Option = (('--out',), None, {
     'type': Path, 'default': Path(), 'metavar': 'DIR',
-    'help': 'folder for the results; existing files are replaced (default: the current folder)',
+    'help': 'folder for the results, created if needed (default: the current folder)',
 })  # fmt: skip
 _FORMAT: cli.Option = (('--format',), None, {
     'type': _formats, 'default': ('png',), 'metavar': 'F',
@@ -80,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
                  {'metavar': 'PLACE', 'note': ' (default: as drawn, or a place that shows all)'}),
                 (('--dimensions',), None,
                  {'action': 'store_true', 'help': 'add the lengths of the links'}),
-                _OUT, _FORMAT,
+                _OUT, _FORMAT, cli.OVERWRITE,
             ),
         ),
         'state': cli.Command(
@@ -100,7 +100,8 @@ def _parser() -> argparse.ArgumentParser:
                           -1e9, 1e9),
                  {'default': 0.0, 'metavar': 'A', 'note': ' (default 0)'}),
                 (('--csv',), None,
-                 {'type': Path, 'metavar': 'OUT', 'help': 'also write a CSV file, replaced'}),
+                 {'type': Path, 'metavar': 'OUT', 'help': 'also write a CSV file; - prints it'}),
+                cli.OVERWRITE, cli.JSON,
             ),
         ),
         'motion': cli.Command(
@@ -131,7 +132,7 @@ def _parser() -> argparse.ArgumentParser:
                  {'action': 'store_true', 'help': 'add the lengths of the links to the sketch'}),
                 (('--reactions',), None,
                  {'action': 'store_true', 'help': 'add joint forces, shaking force and moment'}),
-                _OUT, _FORMAT,
+                _OUT, _FORMAT, cli.OVERWRITE, cli.JSON,
             ),
         ),
         'movie': cli.Command(
@@ -142,17 +143,17 @@ def _parser() -> argparse.ArgumentParser:
             (
                 (('params',), None, params),
                 (('out',), None,
-                 {'type': Path, 'metavar': 'OUT', 'help': '.html, .gif or .mp4 file, replaced'}),
-                rpm,
+                 {'type': Path, 'metavar': 'OUT', 'help': '.html, .gif or .mp4 file'}),
+                rpm, cli.OVERWRITE,
             ),
         ),
         'accuracy': cli.Command(
             _run, 'speed against accuracy of all methods: pictures and JSON',
-            ('--quick --out charts',), (_QUICK, _OUT, _FORMAT),
+            ('--quick --out charts',), (_QUICK, _OUT, _FORMAT, cli.OVERWRITE),
         ),
         'stability': cli.Command(
             _run, 'outcome of each method in the situations where some fail: pictures and JSON',
-            ('--quick --out charts',), (_QUICK, _OUT, _FORMAT),
+            ('--quick --out charts',), (_QUICK, _OUT, _FORMAT, cli.OVERWRITE),
         ),
         'economy': cli.Command(
             _run, 'error of the torque without each of its terms: pictures and JSON',
@@ -166,7 +167,7 @@ def _parser() -> argparse.ArgumentParser:
                 (('--tolerance',),
                  Quantity('number', 'allowed error, relative to the peak torque', '', 1e-9, 1.0),
                  {'default': 0.01, 'metavar': 'E', 'note': ' (default 0.01)'}),
-                _OUT, _FORMAT,
+                _OUT, _FORMAT, cli.OVERWRITE,
             ),
             '%(prog)s PARAMS [options]',  # after --rpm, PARAMS would be parsed as a speed
         ),
@@ -181,7 +182,7 @@ def _parser() -> argparse.ArgumentParser:
                  {'metavar': 'N', 'note': ' (default: one for each processor)'}),
                 (('--scheduler',), None,
                  {'metavar': 'ADDRESS', 'help': 'use the Dask cluster at this address instead'}),
-                _OUT, _FORMAT,
+                _OUT, _FORMAT, cli.OVERWRITE, cli.JSON,
             ),
         ),
         'pump': cli.Command(
@@ -195,7 +196,7 @@ def _parser() -> argparse.ArgumentParser:
                 (('--speeds',),
                  Quantity('number', 'initial crank speed', 'rad/s', 1e-6, 1e6),
                  {'nargs': '+', 'default': [2.0, 6.0], 'metavar': 'W', 'note': ' (default 2 6)'}),
-                _OUT, _FORMAT,
+                _OUT, _FORMAT, cli.OVERWRITE,
             ),
             '%(prog)s [PARAMS] [options]',  # after --speeds, PARAMS would be parsed as a speed
         ),

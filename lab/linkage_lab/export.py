@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from linkage_lab.mjcf import about_zeros, make_mjcf
-from linkage_lab.output import doubts, folder
+from linkage_lab.output import doubts, new_file, save_text
 from linkage_ros import ConfigurationError, cli, load, preset_names
-from linkage_ros.internals import Simulator, make_urdf
+from linkage_ros.internals import STANDARD_OUTPUT, Simulator, make_urdf
 
 _NAME = 'linkage_export'
 
@@ -69,14 +69,14 @@ def _write(
     if options.joint_prefix is not None:
         session = replace(configuration.session, joint_prefix=options.joint_prefix)
         configuration = replace(configuration, session=session)
-    if out.suffix != suffix:
-        raise ConfigurationError(f'{out}: must end with {suffix}')
+    if out.suffix != suffix and str(out) != STANDARD_OUTPUT:
+        raise ConfigurationError(f'{out}: must end with {suffix}, or be - for standard output')
+    new_file(options, out)
     text, notes = made(configuration)
-    if out.exists() and not options.overwrite:
-        raise ConfigurationError(f'{out} already exists: choose another name, or give --overwrite')
-    with folder(out.parent):
-        out.write_text(text)
-    print(*doubts(configuration), *notes, out, sep='\n')
+    cli.print_notes([*doubts(configuration), *notes])
+    save_text(out, text)
+    if str(out) != STANDARD_OUTPUT:
+        print(out)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -91,12 +91,11 @@ def _parser() -> argparse.ArgumentParser:
         return (
             (('params',), None, {'metavar': 'PARAMS', 'help': presets}),
             (('out',), None,
-             {'metavar': f'OUT{suffix}', 'type': Path, 'help': 'the file to write'}),
+             {'metavar': f'OUT{suffix}', 'type': Path, 'help': 'the file to write; - prints it'}),
             (('--joint-prefix',), None,
              {'metavar': 'TEXT',
               'help': 'prefix of every joint and link name (default: joint_prefix of the file)'}),
-            (('--overwrite',), None,
-             {'action': 'store_true', 'help': 'replace an existing file'}),
+            cli.OVERWRITE,
         )  # fmt: skip
 
     cli.add_commands(parser, {

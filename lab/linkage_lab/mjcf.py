@@ -61,7 +61,7 @@ def about_zeros(mechanism: Mechanism, start: State) -> list[str]:
             small[name], links[link] = getattr(bodies[link], what), None
     if not small:
         return []
-    note = f'note: {", ".join(links)}: MuJoCo refuses a mass or inertia of 0, so it is small here'
+    note = f'{", ".join(links)}: MuJoCo refuses a mass or inertia of 0, so it is small here'
     if mechanism.reach() is None:
         return [note]
     driven, units = mechanism.structure().driven, mechanism.structure().driven_link.units

@@ -4,13 +4,12 @@
 
 import argparse
 import csv
+import io
 import json
 import os
 import platform
 import re
-import sys
 import time
-import urllib.parse
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,10 +17,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros import ConfigurationError, __version__, preset_names
+from linkage_ros import ConfigurationError, __version__
 from linkage_ros.cli import progress_bar
 from linkage_ros.formulas import Array
-from linkage_ros.internals import notes
+from linkage_ros.internals import notes, replacement, require_new, text_output
 
 # Charts must be readable at half size, 700 pixels wide; the smallest text is then 8 pixels high.
 WIDTH, DPI = 10.0, 140  # inches, and pixels per inch
@@ -43,81 +42,47 @@ _DASHES: tuple[Any, ...] = (
 )  # fmt: skip
 _ANGLES = 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440  # steps of ticks, deg
 _LEVELS = 5  # most intervals between the ticks of a vertical axis
-# Metadata with the source of a picture, by format. Quoting leaves no special characters, and the
-# closing one separates the source from what follows, such as a checksum.
-_METADATA = {'.png': 'Source', '.svg': 'Source', '.pdf': 'Subject'}
-_SOURCE = re.compile(rb'linkage_ros:([\w.~/%-]+);')
 
 
 class Pictures(NamedTuple):
-    """The files of a picture.
-
-    Attributes:
-        paths: A path for each format.
-        source: Description of the parameter file or preset that it shows; empty if there is none.
-    """
+    """The files of a picture: a path for each format."""
 
     paths: tuple[Path, ...]
-    source: str = ''
 
 
-def pictures(options: argparse.Namespace, stem: str, *sources: str) -> Pictures:
+def pictures(options: argparse.Namespace, stem: str) -> Pictures:
     """Names the files of a picture.
 
     Args:
-        options: Parsed command-line options with the folder and the formats.
+        options: Parsed command-line options with the folder, the formats and `overwrite`.
         stem: Name of the files, without the suffix.
-        *sources: Parameter files or presets that the picture shows.
-
-    Returns:
-        The files. The source of a parameter file is relative to the folder, so that both can be
-        moved.
 
     Raises:
-        ConfigurationError: A file would replace the picture of another source.
+        ConfigurationError: A file must not be written; see `new_file`.
     """
-    presets = preset_names()
-    source = ', '.join(
-        f'preset {x}' if x in presets else os.path.relpath(x, options.out) for x in sources
-    )
-    paths = tuple(options.out / f'{stem}.{suffix}' for suffix in dict.fromkeys(options.format))
-    for path in paths:
-        found = _SOURCE.search(path.read_bytes()) if path.is_file() else None
-        shown = urllib.parse.unquote(found[1].decode()) if found else source
-        if shown != source:
-            raise ConfigurationError(
-                f'{path} shows {shown}: choose another folder with --out, or remove this file'
-            )
-    return Pictures(paths, source)
+    return Pictures(tuple(
+        new_file(options, options.out / f'{stem}.{suffix}')
+        for suffix in dict.fromkeys(options.format)
+    ))  # fmt: skip
 
 
-@contextmanager
-def folder(path: Path) -> Iterator[None]:
-    """Creates the output folder; converts write errors in the context to a one-line error.
+def new_file(options: argparse.Namespace, path: Path) -> Path:
+    """Returns the path of a file to be written, before the work for it begins.
+
+    Args:
+        options: Parsed command-line options with `overwrite`.
+        path: Path of the file, or '-' for standard output.
 
     Raises:
-        ConfigurationError: The folder or a file cannot be written, or the folder's parent does not
-            exist, as after a typing error.
+        ConfigurationError: The file exists without --overwrite, or its folder cannot be created.
     """
-    missing = [folder for folder in reversed(path.parents) if not folder.exists()]
-    if missing:
-        raise ConfigurationError(f'{path} cannot be written: there is no folder {missing[0]}')
-    try:
-        path.mkdir(exist_ok=True)
-        yield
-    except OSError as error:
-        raise ConfigurationError(f'{path} cannot be written: {error.strerror or error}') from error
+    require_new(path, ConfigurationError, overwrite=options.overwrite, cure='give --overwrite')
+    return path
 
 
 def doubts(*configurations: Any) -> list[str]:
     """Returns a line for each parameter that was probably given in another unit."""
-    return [f'note: {line}' for one in configurations for line in notes(one)]
-
-
-def print_notes(notes: Iterable[str]) -> None:
-    """Prints each note on stderr, once."""
-    for line in dict.fromkeys(filter(None, notes)):
-        print(line, file=sys.stderr)
+    return [line for one in configurations for line in notes(one)]
 
 
 def progress(items: Iterable[Any], words: str) -> Iterable[Any]:
@@ -167,16 +132,36 @@ def dash(number: int) -> Any:
 
 
 def save_records(path: Path, records: list[dict[str, Any]]) -> None:
-    """Writes records as JSON, together with `about()`."""
-    path.write_text(json.dumps({'about': about(), 'records': records}, indent=1) + '\n')
+    """Writes records as JSON, together with `about()`; see `save_text`."""
+    save_text(path, json.dumps({'about': about(), 'records': records}, indent=1) + '\n')
 
 
 def save_csv(path: Path, head: Sequence[str], rows: Iterable[Iterable[object]]) -> None:
-    """Writes a CSV file atomically; floats have all digits, None is an empty cell."""
-    new = path.with_suffix('.csv.new')
-    with new.open('w', newline='', encoding='utf-8') as stream:
-        csv.writer(stream, lineterminator='\n').writerows([head, *rows])
-    new.replace(path)
+    """Writes a CSV file; floats have all digits, None is an empty cell; see `save_text`."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator='\n').writerows([head, *rows])
+    save_text(path, text.getvalue())
+
+
+def save_text(path: Path, text: str) -> None:
+    """Writes a text file at once, to a path of `new_file`; to standard output if it is '-'.
+
+    Raises:
+        ConfigurationError: The file cannot be written.
+    """
+    with text_output(path, ConfigurationError, overwrite=True, cure='') as stream:
+        stream.write(text)
+
+
+@contextmanager
+def saved(path: Path) -> Iterator[Path]:
+    """Provides a temporary file that becomes a path of `new_file` once it is complete.
+
+    Raises:
+        ConfigurationError: The file cannot be written.
+    """
+    with replacement(path, ConfigurationError, overwrite=True, cure='') as part:
+        yield part
 
 
 @contextmanager
@@ -186,7 +171,7 @@ def chart(
     """Creates a figure in the common style, and saves it at the end of the context.
 
     Args:
-        pictures: The files, replaced if they exist.
+        pictures: The files.
         height: Height, inches.
         title: Title of the whole chart.
         layout: Layout engine of matplotlib.
@@ -195,7 +180,7 @@ def chart(
         The empty figure.
 
     Raises:
-        OSError: The file cannot be written.
+        ConfigurationError: A file cannot be written.
     """
     # Imported here, so that programs without charts, such as sweep workers, skip matplotlib.
     from matplotlib import rc_context
@@ -208,8 +193,8 @@ def chart(
         figure.suptitle(title)
         yield figure
         for path in pictures.paths:
-            source = f'linkage_ros:{urllib.parse.quote(pictures.source)};'
-            figure.savefig(path, metadata={_METADATA[path.suffix]: source})
+            with saved(path) as part:
+                figure.savefig(part)
 
 
 def shown_range(rows: Sequence[Array], limits: tuple[float, float]) -> tuple[float, float]:

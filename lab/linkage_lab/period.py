@@ -204,7 +204,7 @@ class Period:
         runs = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
         ends = [[f'{math.degrees(x):.6g}' for x in self.crank[run[[0, -1]]]] for run in runs]
         places = ', '.join(dict.fromkeys(' to '.join(dict.fromkeys(pair)) for pair in ends))
-        return f'note: no forces at {places} deg, where links are in line or friction locks them'
+        return f'no forces at {places} deg, where links are in line or friction locks them'
 
     @property
     def marks(self) -> Array:

@@ -268,7 +268,7 @@ def run(called, tmp_path):
         if code:
             return code, printed, error
         values = read_parameter_file(out)
-        return {**flatten(configure(values).mechanism), **values}, printed
+        return {**flatten(configure(values).mechanism), **values}, printed + error
 
     return start
 
@@ -747,8 +747,10 @@ def test_files_are_kept(called, tmp_path):
     out.write_text('mine')
     assert_refused(*called(import_tool, path, *CLOSE, '-o', out), '--overwrite')
     assert_refused(*called(import_tool, path, *CLOSE, '-o', path, '--overwrite'), 'is the model')
-    assert_refused(*called(import_tool, tmp_path / 'no.urdf', *CLOSE, '-o', out), 'no.urdf')
-    assert_refused(*called(import_tool, path, *CLOSE, '-o', tmp_path / 'no' / 'x'), 'no/x')
+    assert_refused(
+        *called(import_tool, tmp_path / 'no.urdf', *CLOSE, '-o', tmp_path / 'x'), 'no.urdf'
+    )
+    assert_refused(*called(import_tool, path, *CLOSE, '-o', tmp_path / 'no/way/x'), 'no/way/x')
     assert out.read_text() == 'mine'
     assert path.read_text() == LEG
 

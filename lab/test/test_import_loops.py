@@ -228,7 +228,7 @@ def run(called, tmp_path):
         path, out = tmp_path / name, tmp_path / 'leg.yaml'
         path.write_text(text or leg())
         code, printed, error = called(import_tool, path, '-o', out, '--overwrite', *arguments)
-        return (read_parameter_file(out), printed) if code == 0 else (code, printed, error)
+        return (read_parameter_file(out), printed + error) if code == 0 else (code, printed, error)
 
     return start
 

@@ -182,7 +182,7 @@ def test_effect_of_masses_in_place_of_0_is_noted(preset, values, links):
     change, peak = abs(np.array(apart)).max(), abs(np.array(torques)).max()
     if links:
         (note,) = notes
-        assert f' {links}:' in note
+        assert f'{links}:' in note
         found, of = map(float, re.findall(r'(\S+) N\b', note))
         assert (found, of) == pytest.approx((change, peak), rel=0.05)
     else:
@@ -360,7 +360,7 @@ def test_error_of_one_percent_in_any_number_is_detected(name):
     ('words', 'said'),
     [
         (('quadrilateral', 'linkage.xml'), 'linkage.xml already exists: '),
-        (('quadrilateral', 'no/way/a.xml'), 'no/way cannot be written: there is no folder no'),
+        (('quadrilateral', 'no/way/a.xml'), 'a.xml cannot be written: there is no folder no'),
         (('quadrilateral', 'a.xml', '--joint-prefix', 'a b'), "joint_prefix = 'a b'"),
         (('triangle', 'a.xml'), "no preset 'triangle': choose one of"),
         (('quadrilateral', 'quadrilateral.yaml', '--overwrite'), 'must end with .xml'),

@@ -395,8 +395,8 @@ def test_the_picture_can_be_read_at_half_its_size(analysis, monkeypatch, tmp_pat
         Figure, 'savefig', lambda *page, **meta: pages.append(page) or save(*page, **meta)
     )
     draw_pump(analysis, 'wind_pump', Pictures((tmp_path / 'pump.png',)), DPI)
-    ((figure, path),) = pages
-    assert path.read_bytes().startswith(b'\x89PNG')
+    ((figure, _),) = pages
+    assert (tmp_path / 'pump.png').read_bytes().startswith(b'\x89PNG')
     pixels = 700 / figure.get_figwidth() / 72  # of a point
     texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
     assert min(text.get_fontsize() for text in texts) * pixels > 7.9

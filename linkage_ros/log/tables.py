@@ -6,7 +6,6 @@ import csv
 import math
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from io import TextIOWrapper
 from itertools import chain, repeat
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from linkage_ros.errors import LogError
-from linkage_ros.files import is_same_file, replacement
+from linkage_ros.files import is_same_file, require_new, text_output
 from linkage_ros.log.bag import Bag, BagTopic
 from linkage_ros.log.reader import LogReader
 from linkage_ros.mechanism.parts import FRAME_NAME
@@ -230,7 +229,7 @@ def write_csv(
 
     Args:
         source: An MCAP file, or the folder of a rosbag2 recording.
-        target: Path of the table.
+        target: Path of the table; '-' for standard output.
         topic: Name of the topic; by default, the states of a log, or the only topic of joint
             states of a bag.
         overwrite: Whether to replace an existing file.
@@ -246,17 +245,18 @@ def write_csv(
     bag = Bag(source)
     if any(is_same_file(str(file), str(target)) for file in bag.files):
         raise LogError(f'{target} is the log itself: choose another name')
-    with replacement(target, LogError, overwrite=overwrite, cure='give --overwrite') as path:
-        found = _tables(bag, progress)
-        table = _chosen(source, [x for x in found if not x.is_of_points], topic)
-        labels = {} if table.topic.role == MEASURED_JOINT_STATES.role else _labels(source)
-        points = _points_of(table, found)
-        head = ['t [s]', *(labels.get(name, name) for name in table.columns), *points]
-        columns = map(_cells, (*table.columns.values(), *points.values()))
-        with path.open('wb') as stream, TextIOWrapper(stream, newline='') as text:
-            writer = csv.writer(text, lineterminator='\n')
-            writer.writerow(head)
-            writer.writerows(zip(map(_seconds, table.stamps), *columns, strict=True))
+    cure = 'give --overwrite'
+    require_new(target, LogError, overwrite=overwrite, cure=cure)
+    found = _tables(bag, progress)
+    table = _chosen(source, [x for x in found if not x.is_of_points], topic)
+    labels = {} if table.topic.role == MEASURED_JOINT_STATES.role else _labels(source)
+    points = _points_of(table, found)
+    head = ['t [s]', *(labels.get(name, name) for name in table.columns), *points]
+    columns = map(_cells, (*table.columns.values(), *points.values()))
+    with text_output(target, LogError, overwrite=overwrite, cure=cure) as stream:
+        writer = csv.writer(stream, lineterminator='\n')
+        writer.writerow(head)
+        writer.writerows(zip(map(_seconds, table.stamps), *columns, strict=True))
     return WrittenTable(table.topic.name, len(table.stamps), table.invalid)
 
 

@@ -9,9 +9,11 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from datetime import datetime, timezone
 from pathlib import Path
+from typing import Any
 
 from linkage_ros import __version__, cli
 from linkage_ros.errors import LogError, printable
+from linkage_ros.files import STANDARD_OUTPUT
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import Recovered, recover
 from linkage_ros.log.tables import write_csv
@@ -68,6 +70,28 @@ def info(log: LogReader) -> Iterator[str]:
     for name, value in values.items():
         text = str(list(value) if isinstance(value, tuple) else value) or "''"
         yield f'  {name}: {text}' + (f'  # {units[name]}' if units[name] else '')
+
+
+def info_as_json(log: LogReader) -> dict[str, Any]:
+    """Returns the description of a log as plain values, with times in s."""
+    solver = Solver(log.configuration.mechanism)
+    joint = solver.structure.driven_link.units
+    return {
+        'file': str(log.path),
+        'bytes': log.path.stat().st_size,
+        'version': log.version,
+        'start': log.start / NS_PER_S,
+        'duration': (log.end - log.start) / NS_PER_S,
+        'mechanism': summary(log.configuration, solver),
+        'notes': notes(log.configuration),
+        'topics': [
+            {'name': x.name, 'type': x.type, 'messages': x.messages, 'role': x.role}
+            for x in log.topics
+        ],
+        'motion': [{'start': x.stamp / NS_PER_S, 'words': _motion(x, joint)} for x in log.motions],
+        'torque_ends': Counter(end.cause for end in log.torque_ends),
+        'configuration': log.configuration.parameters(),
+    }
 
 
 def _motion(segment: Segment, units: JointUnits) -> str:
@@ -133,7 +157,11 @@ def saved(path: Path, done: Recovered) -> str:
 
 
 def _info(options: argparse.Namespace) -> None:
-    _print(info(LogReader(options.log)))
+    log = LogReader(options.log)
+    if options.json:
+        cli.print_json(info_as_json(log))
+    else:
+        _print(info(log))
 
 
 def _verify(options: argparse.Namespace) -> int:
@@ -161,7 +189,11 @@ def _csv(options: argparse.Namespace) -> None:
             progress=bar.update,
         )  # fmt: skip
     left_out = f'; left out: {counted(invalid, "damaged message")}' if invalid else ''
-    _print([f'{options.out}: {counted(rows, "row")} from {topic}{left_out}'])
+    words = f'{options.out}: {counted(rows, "row")} from {topic}{left_out}'
+    if str(options.out) != STANDARD_OUTPUT:
+        _print([words])
+    elif invalid:
+        cli.print_notes([words])
 
 
 def _print(lines: Iterable[str]) -> None:

@@ -22,7 +22,7 @@ _LOG: cli.Option = (
 )  # fmt: skip
 _COMMANDS = {
     'info': cli.Command(
-        _run, 'topics, counts, times, configuration, mechanism', ('run.mcap',), (_LOG,)
+        _run, 'topics, counts, times, configuration, mechanism', ('run.mcap',), (_LOG, cli.JSON)
     ),
     'verify': cli.Command(
         _run,
@@ -37,19 +37,20 @@ _COMMANDS = {
         (_LOG,
          (('out',), None,
           {'metavar': 'OUT.mcap', 'type': Path, 'help': 'the complete log to write'}),
-         (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'})),
+         cli.OVERWRITE),
     ),
     'csv': cli.Command(
         _run,
         'write the joint states of a log, or of a bag of another program, as a table',
-        ('run.mcap run.csv', 'robot.mcap robot.csv --topic /joint_states'),
+        ('run.mcap run.csv', 'run.mcap - | head', 'robot.mcap robot.csv --topic /joint_states'),
         ((('log',), None,
           {'metavar': 'LOG', 'type': Path, 'help': 'an MCAP file, or a rosbag2 folder'}),
-         (('out',), None, {'metavar': 'OUT.csv', 'type': Path, 'help': 'the table to write'}),
+         (('out',), None,
+          {'metavar': 'OUT.csv', 'type': Path, 'help': 'the table to write; - prints it'}),
          (('--topic',), None,
           {'metavar': 'NAME', 'default': '', 'help': 'topic of the joint states (default: the '
            'states of a log, or the only such topic of a bag)'}),
-         (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'})),
+         cli.OVERWRITE),
     ),
 }  # fmt: skip
 

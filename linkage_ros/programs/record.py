@@ -41,7 +41,7 @@ from linkage_ros.settings.configuration import (
     preset_note,
     read_values,
 )
-from linkage_ros.settings.help import help_on_every_kind
+from linkage_ros.settings.help import HELP_PARAMETERS
 from linkage_ros.settings.notes import notes
 from linkage_ros.settings.parameters import Session
 from linkage_ros.settings.presets import preset_names
@@ -349,14 +349,14 @@ def _parser() -> argparse.ArgumentParser:
             'my_linkage.yaml run.mcap --revolutions 5 --rate 1000',
             'followed.yaml run.mcap --measured robot.mcap',
         ),
-        help_on_every_kind(),
     )
     params = f'parameter file, or a preset: {", ".join(preset_names())}'
     cli.add_options(parser, (
         (('params',), None, {'metavar': 'PARAMS', 'help': params}),
         (('out',), None, {'metavar': 'OUT.mcap', 'type': Path, 'help': 'the log to write'}),
         (('--rate',), _RATE, {'note': ' (default: rate_hz of the file)', 'metavar': 'HZ'}),
-        (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'}),
+        cli.OVERWRITE,
+        HELP_PARAMETERS,
         (('--topic',), None,
          {'metavar': 'NAME', 'default': '', 'help': 'topic of the joint states in BAG (default: '
           'the only one that names the crank)'}),
@@ -372,18 +372,13 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _note(line: str) -> None:
-    print(f'note: {line}')
-
-
 def _record(options: argparse.Namespace) -> int:
     stop, values = cli.Stop(), dict(read_values(options.params))
     if options.rate is not None:
         values['rate_hz'] = options.rate
     with in_file(options.params):
         configuration = configure(values)
-    for line in notes(configuration):
-        _note(line)
+    cli.print_notes(notes(configuration))
     if options.measured:
         return _record_measured(options, configuration, stop)
     if options.topic:
@@ -396,7 +391,7 @@ def _record(options: argparse.Namespace) -> int:
         overwrite=options.overwrite or configuration.session.log_overwrite,
         progress=True,
         stopped=stop.is_set,
-        note=_note,
+        note=lambda line: cli.print_notes([line]),
     )
     if prefix := preset_note(values):
         print(prefix + summary(configuration, Solver(configuration.mechanism)))

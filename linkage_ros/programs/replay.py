@@ -68,6 +68,7 @@ _OPTIONS: list[cli.Option] = [
      {'nargs': '+', 'metavar': 'NAME', 'help': 'replay these topics only'}),
     (('--viewer',), None,
      {'default': '', 'metavar': 'TARGET', 'help': f'also show the log in Rerun: {VIEWERS}'}),
+    cli.OVERWRITE,
     (('--no-ros',), None,
      {'action': 'store_true', 'help': 'show the log in the viewer without publishing it'}),
     (('--no-open',), None,
@@ -166,7 +167,13 @@ def motion_in(simulator: Simulator, samples: Sequence[tuple[int, bytes]]) -> 'Li
 
 @contextmanager
 def showing(
-    log: LogReader, target: str, stop: cli.Stop, *, loop: bool = False, browser: bool = False
+    log: LogReader,
+    target: str,
+    stop: cli.Stop,
+    *,
+    loop: bool = False,
+    browser: bool = False,
+    overwrite: bool = False,
 ) -> Iterator[Sink]:
     """Opens a view of a replay that only this machine can access.
 
@@ -176,6 +183,7 @@ def showing(
         stop: A request to end the program, which ends the wait for a page.
         loop: Whether the replay starts when a page connects, and repeats until Ctrl-C.
         browser: Whether to open the page in a browser, if there is a screen.
+        overwrite: Whether to replace an existing .rrd file.
 
     Yields:
         A function that shows a message if it contains joint states, and ignores other messages.
@@ -198,7 +206,7 @@ def showing(
 
     states = log.channel(JOINT_STATES)
     read = functools.partial(motion_in, Simulator(log.configuration))
-    view = View(log.configuration, target, read=read)
+    view = View(log.configuration, target, overwrite=overwrite, read=read)
     if view.trouble:
         raise ViewerError(f'no viewer answers at {target}: start one there first with `rerun`')
     if view.page:
@@ -233,7 +241,12 @@ def _replay(
     with ExitStack() as stack:
         if options.viewer:  # opened first, because its errors occur immediately
             viewer = showing(
-                log, options.viewer, stop, loop=options.loop, browser=not options.no_open
+                log,
+                options.viewer,
+                stop,
+                loop=options.loop,
+                browser=not options.no_open,
+                overwrite=options.overwrite,
             )
             viewers.append(stack.enter_context(viewer))
         if not options.no_ros:

@@ -223,7 +223,7 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str], r
     having = [*(f'a crank with drive: {x}' for x in drives), *map(_with_article, mechanisms)]
     if having:
         return f'{mistake}: only {" or ".join(having)} has {sought}; leave it out'
-    return unknown_name(name, owner, [*valid, *every], 'linkage_record --help')
+    return unknown_name(name, owner, [*valid, *every], 'linkage_record --help-parameters')
 
 
 def _with_article(name: str) -> str:

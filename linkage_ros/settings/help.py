@@ -6,6 +6,7 @@ import argparse
 import json
 from collections.abc import Iterable
 from dataclasses import MISSING, replace
+from typing import Any
 
 from linkage_ros import cli
 from linkage_ros.mechanism.loads import LOADS
@@ -44,36 +45,60 @@ def _default(value: object) -> str:
     return f' (default {value if isinstance(value, str) else json.dumps(value)})'
 
 
-def help_on_every_kind() -> str:
-    """Describes the parameters of a four_bar, then those added by other drives and mechanisms."""
-    usual = MechanismAndDrive('four_bar', 'speed')
+def help_on_kind(mechanism: str | None = None) -> str:
+    """Describes the parameters of a mechanism with its usual drive, then those added by others.
+
+    Args:
+        mechanism: Kind of mechanism; None for a four_bar, followed by what the others add.
+    """
+    kind = mechanism or 'four_bar'
+    allowed = MECHANISMS[kind].drives({})[0] or tuple(DRIVES)
+    usual = MechanismAndDrive(kind, allowed[0])
     own = parameter_leaves(usual)
-    parts = ['parameters of a four_bar:', help_on(own)]
+    parts = [f'parameters of a {kind}:', help_on(own)]
     known = {leaf.name for leaf in own}
-    mechanisms = (('mechanism', name) for name in MECHANISMS if name != usual.mechanism)
-    drives = (('drive', name) for name in DRIVES if name != usual.drive)
-    for name, value in (*drives, *mechanisms):
+    others = [('drive', name) for name in allowed[1:]]
+    if mechanism is None:
+        others += [('mechanism', name) for name in MECHANISMS if name != kind]
+    for name, value in others:
         found = parameter_leaves(replace(usual, **{name: value}))
         parts.append(f'also, with {name}: {value}:')
         parts.append(help_on(leaf for leaf in found if leaf.name not in known))
     parts.append('also, any number of traced points, by names of your own:')
     parts.append(help_on(leaves(TracedPoint, 'points.NAME.')))
-    for kind, cls in LOADS.items():
-        parts.append(f'also, any number of loads, by names of your own, with kind: {kind}:')
+    for load, cls in LOADS.items():
+        parts.append(f'also, any number of loads, by names of your own, with kind: {load}:')
         parts.append(help_on(leaves(cls, 'loads.NAME.')))
     return '\n'.join(parts)
 
 
+class _HelpOnParameters(argparse.Action):
+    """Prints the parameters of a kind of mechanism, and ends the program."""
+
+    def __call__(self, parser: Any, _: Any, value: Any, __: str | None = None) -> None:
+        print(help_on_kind(value))
+        parser.exit()
+
+
+# An option that lists the parameters, which do not fit on the screen of --help.
+HELP_PARAMETERS: cli.Option = (('--help-parameters',), None, {
+    'action': _HelpOnParameters, 'nargs': '?', 'choices': [*MECHANISMS],
+    'metavar': 'MECHANISM',
+    'help': f'list the parameters of a file, of {", ".join(MECHANISMS)} (default: of all)',
+})  # fmt: skip
+
+
 def node_parser() -> argparse.ArgumentParser:
     """Makes the parser of linkage_node."""
-    return cli.make_parser(
+    parser = cli.make_parser(
         'linkage_node',
         'Turn the crank of a linkage on ROS 2; publish its states and the driving torque.',
         ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap',
          '--ros-args -p drive:=torque -p motor.torque:=9.0 -p motor.damping:=0.5',
          '--ros-args --params-file linkage.yaml -r joint_states:=linkage/joint_states'),
-        help_on_every_kind(),
     )  # fmt: skip
+    cli.add_options(parser, [HELP_PARAMETERS])
+    return parser
 
 
 def controller_parser() -> argparse.ArgumentParser:

@@ -116,7 +116,7 @@ class View:
         elif Path(target).suffix != '.rrd' or '://' in target:
             raise ViewerError(f'viewer = {shown(target)} is not one of: {VIEWERS}')
         else:
-            cure = 'delete it first (linkage_node: or set log_overwrite)'
+            cure = 'give --overwrite (a node: log_overwrite)'
             self._file = create_file(target, ViewerError, overwrite=overwrite, cure=cure)
             self._connected, self.period = True, _FILE_PERIOD
             self._use(FileSink(target, write_footer=False))

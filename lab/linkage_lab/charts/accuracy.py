@@ -47,7 +47,7 @@ from linkage_lab.output import (
     Stopwatch,
     about,
     chart,
-    folder,
+    new_file,
     pictures,
     progress,
     save_records,
@@ -129,26 +129,27 @@ def accuracy(options: argparse.Namespace) -> None:
         options: Parsed command-line options.
 
     Raises:
-        ConfigurationError: The folder cannot be written.
+        ConfigurationError: A file cannot be written.
     """
     out, quick = options.out, options.quick
-    with folder(out):
-        watch = Stopwatch()
-        solved = measure_accuracy(linkages(quick=quick), METHODS, quick=quick)
-        moved = measure_accuracy(motions(quick=quick), INTEGRATORS, quick=quick)
-        written = [out / 'accuracy.json']
-        save_records(written[0], [*solved, *moved])
-        warning = watch.warning()
-        for title, stem, points in charts([*solved, *moved], about()):
-            drawn = pictures(options, stem)
-            draw_accuracy(points, f'{title}\n{warning}'.rstrip(), drawn)
-            written += drawn.paths
-        drawn = pictures(options, 'accuracy_follow')
-        written += [out / 'accuracy_follow.json', *drawn.paths]
-        errors, speeds = _measure_follow(quick=quick)
-        save_records(out / 'accuracy_follow.json', errors)
-        title = f'Torque error of a measured crank: quadrilateral, {speeds}, measured at 1 kHz'
-        draw_follow(errors, title, drawn)
+    records, measured = (
+        new_file(options, out / f'{stem}.json') for stem in ('accuracy', 'accuracy_follow')
+    )
+    drawn = pictures(options, 'accuracy_follow')
+    watch = Stopwatch()
+    solved = measure_accuracy(linkages(quick=quick), METHODS, quick=quick)
+    moved = measure_accuracy(motions(quick=quick), INTEGRATORS, quick=quick)
+    save_records(records, [*solved, *moved])
+    warning, written = watch.warning(), [records]
+    for title, stem, points in charts([*solved, *moved], about()):
+        files = pictures(options, stem)
+        draw_accuracy(points, f'{title}\n{warning}'.rstrip(), files)
+        written += files.paths
+    errors, speeds = _measure_follow(quick=quick)
+    save_records(measured, errors)
+    title = f'Torque error of a measured crank: quadrilateral, {speeds}, measured at 1 kHz'
+    draw_follow(errors, title, drawn)
+    written += [measured, *drawn.paths]
     print(*written, sep='\n')
 
 

@@ -25,14 +25,14 @@ from linkage_lab.output import (
     Pictures,
     chart,
     doubts,
-    folder,
+    new_file,
     pictures,
     progress,
     save_records,
 )
 from linkage_lab.sampling import peaks, samples
 from linkage_lab.torque_models import STATIC, TorqueProgram
-from linkage_ros import ConfigurationError, Mechanism, MechanismError, Solver, load
+from linkage_ros import ConfigurationError, Mechanism, MechanismError, Solver, cli, load
 from linkage_ros.formulas import Array
 from linkage_ros.palette import (
     BLACK,
@@ -110,21 +110,21 @@ def economy(options: argparse.Namespace) -> None:
         options: Parsed command-line options.
 
     Raises:
-        ConfigurationError: No speed is given, or the folder cannot be written.
+        ConfigurationError: No speed is given, or a file cannot be written.
         MechanismError: The crank angle does not determine the motion, or no torque is needed.
     """
     configuration, name = load(options.params), Path(options.params).stem
     measured = Economy(configuration.mechanism, name)
     own, rpms = _speeds(options.params, configuration.drive, options.rpm or [])
-    records = options.out / f'{name}_economy.json'
-    drawn = pictures(options, f'{name}_economy', options.params)
-    with folder(options.out):
-        savings = measured.measure(rpms, 20 if options.quick else 200)
-        sentence = measured.sentence(own, options.tolerance, savings)
-        save_records(records, savings)
-        colors = colors_of(configuration.mechanism.parts())
-        _draw(savings, [*measured.terms], colors, sentence, own, options.tolerance, drawn)
-    print(*doubts(configuration), f'{name}: {sentence}', records, *drawn.paths, sep='\n')
+    records = new_file(options, options.out / f'{name}_economy.json')
+    drawn = pictures(options, f'{name}_economy')
+    cli.print_notes(doubts(configuration))
+    savings = measured.measure(rpms, 20 if options.quick else 200)
+    sentence = measured.sentence(own, options.tolerance, savings)
+    save_records(records, savings)
+    colors = colors_of(configuration.mechanism.parts())
+    _draw(savings, [*measured.terms], colors, sentence, own, options.tolerance, drawn)
+    print(f'{name}: {sentence}', records, *drawn.paths, sep='\n')
 
 
 def _speeds(source: str, drive: Any, given: Sequence[float]) -> tuple[float, list[float]]:

@@ -35,16 +35,15 @@ from linkage_lab.output import (
     chart,
     dash,
     doubts,
-    folder,
+    new_file,
     over,
     pictures,
-    print_notes,
     rounded,
     save_csv,
     shown_range,
 )
-from linkage_lab.period import Extent, Period, extent, period_to_show, stepped
-from linkage_ros import ConfigurationError, load
+from linkage_lab.period import Extent, Period, extent, extents, period_to_show, stepped
+from linkage_ros import ConfigurationError, cli, load
 from linkage_ros.formulas import Array
 from linkage_ros.palette import BLACK, fractions, mixed
 
@@ -94,6 +93,11 @@ def motion(options: argparse.Namespace) -> None:
         if (value := getattr(options, name))
     }
     designs = [load(source) for source in options.params]
+    stem = 'comparison' if len(names) > 1 else f'{names[0]}_motion'
+    drawn, table = pictures(options, stem), new_file(options, options.out / f'{stem}.csv')
+    flywheel = None
+    if options.fluctuation is not None:
+        flywheel = pictures(options, f'{names[0]}_flywheel')
     shown = [
         period_to_show(source, design, options.rpm, **given)
         for source, design in zip(options.params, designs, strict=True)
@@ -106,36 +110,55 @@ def motion(options: argparse.Namespace) -> None:
             'and with its force, the others over the crank angle: draw them separately, or give '
             '--rpm'
         )
-    stem = 'comparison' if len(names) > 1 else f'{names[0]}_motion'
-    drawn, table = pictures(options, stem, *options.params), options.out / f'{stem}.csv'
-    print_notes(period.gap_note for period in periods.values())
-    with folder(options.out):
-        if len(names) > 1:
-            lines, remarks = _compare(periods, table), []
-        else:
-            columns = period.with_gaps()
-            if options.csv is not None:
-                columns = stepped(period, options.csv, reactions=options.reactions)
-            head = [f'{name} [{unit}]' for name, (unit, _) in columns.items()]
-            rows = zip(*(values.tolist() for _, values in columns.values()), strict=True)
-            save_csv(table, head, ([None if x != x else x for x in row] for row in rows))
-            lines = [', '.join(title)]
-            remarks = [*title[1:], f'mean power {rounded(_mean_power(period))} W',
-                       f'shown at {_place(period)}']  # fmt: skip
-        if options.fluctuation is not None:
-            from linkage_lab.flywheel import size_flywheel  # needs SciPy
-
-            motor = getattr(designs[0].drive, 'motor', None)
-            flywheel = pictures(options, f'{names[0]}_flywheel', *options.params)
-            lines += size_flywheel(period, motor, options.fluctuation, names[0], flywheel)
-            lines += map(str, flywheel.paths)
-        sketches = {
-            name: sketch_at(design, one, _shown(one))
-            for design, (name, one) in zip(designs, periods.items(), strict=True)
-        }
-        _draw_motion(sketches, periods, remarks, options, drawn)
     driven = [] if options.acceleration else _driven_by_loads(designs, periods)
-    print(*doubts(*designs), *driven, *lines, *drawn.paths, table, sep='\n')
+    cli.print_notes([*doubts(*designs), *(x.gap_note for x in periods.values()), *driven])
+    if len(names) > 1:
+        lines, remarks = _compare(periods, table), []
+    else:
+        columns = period.with_gaps()
+        if options.csv is not None:
+            columns = stepped(period, options.csv, reactions=options.reactions)
+        head = [f'{name} [{unit}]' for name, (unit, _) in columns.items()]
+        rows = zip(*(values.tolist() for _, values in columns.values()), strict=True)
+        save_csv(table, head, ([None if x != x else x for x in row] for row in rows))
+        lines = [', '.join(title)]
+        remarks = [*title[1:], f'mean power {rounded(_mean_power(period))} W',
+                   f'shown at {_place(period)}']  # fmt: skip
+    files = [*drawn.paths, table]
+    if flywheel is not None:
+        from linkage_lab.flywheel import size_flywheel  # needs SciPy
+
+        motor = getattr(designs[0].drive, 'motor', None)
+        lines += size_flywheel(period, motor, options.fluctuation, names[0], flywheel)
+        files = [*flywheel.paths, *files]
+    sketches = {
+        name: sketch_at(design, one, _shown(one))
+        for design, (name, one) in zip(designs, periods.items(), strict=True)
+    }
+    _draw_motion(sketches, periods, remarks, options, drawn)
+    if options.json:
+        cli.print_json(_as_json(periods, lines, files))
+    else:
+        print(*lines, *files, sep='\n')
+
+
+def _as_json(
+    periods: Mapping[str, Period], lines: Sequence[str], files: Iterable[Path]
+) -> dict[str, Any]:
+    """Returns the mean power and the extent of each quantity over the period, by design."""
+    found = {}
+    for name, period in periods.items():
+        values = np.array([column.values for column in period.columns.values()])
+        found[name] = {
+            'mean_power': _mean_power(period),
+            'quantities': {
+                quantity: {'unit': column.unit, **each._asdict()}
+                for (quantity, column), each in zip(
+                    period.columns.items(), extents(period.x, values), strict=True
+                )
+            },
+        }
+    return {'text': [*lines], 'files': [*map(str, files)], 'designs': found}
 
 
 def _mean_power(period: Period) -> float:
@@ -147,7 +170,7 @@ def _mean_power(period: Period) -> float:
 def _driven_by_loads(designs: Iterable[Any], periods: Mapping[str, Period]) -> list[str]:
     """Notes designs whose loads drive the crank on average, unless a gas does, as in an engine."""
     return [
-        f'note: {name}: the loads drive the crank: mean power {rounded(period.mean_power)} W; did '
+        f'{name}: the loads drive the crank: mean power {rounded(period.mean_power)} W; did '
         'you mean loads of the other sign?'
         for design, (name, period) in zip(designs, periods.items(), strict=True)
         if period.is_driven_by_loads

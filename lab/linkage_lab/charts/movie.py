@@ -22,14 +22,14 @@ from linkage_lab.output import (
     STYLE,
     TEXT,
     doubts,
-    folder,
+    new_file,
     over,
-    print_notes,
     progress,
+    saved,
     shown_range,
 )
 from linkage_lab.period import Period, period_to_show
-from linkage_ros import ConfigurationError, load
+from linkage_ros import ConfigurationError, cli, load
 from linkage_ros.palette import DARK, fractions
 
 _SECONDS = 3.0  # duration of a crank turn in the movie
@@ -50,7 +50,7 @@ def movie(options: argparse.Namespace) -> None:
         ConfigurationError: The mechanism or the speed is invalid, the file's name does not end
             with .html, .gif or .mp4, ffmpeg is missing, or the file cannot be written.
     """
-    path = options.out
+    path = new_file(options, options.out)
     design = load(options.params)
     period, (name, about, speed, *_) = period_to_show(options.params, design, options.rpm)
     if not (
@@ -61,16 +61,16 @@ def movie(options: argparse.Namespace) -> None:
         )
     if not period.speed:
         raise ConfigurationError('the crank is at rest: a movie needs a speed, such as --rpm 30')
-    print_notes([period.gap_note])
+    cli.print_notes([*doubts(design), period.gap_note])
     words = f'{about}, {speed}'
-    with folder(path.parent):
+    with saved(path) as part:
         if path.suffix == '.html':
-            path.write_text(page_of(period, name, words), encoding='utf-8')
+            part.write_text(page_of(period, name, words), encoding='utf-8')
         else:
             words = f'{words}, {_slower(_pace(period))}'
             save = _save_gif if path.suffix == '.gif' else _save_mp4
-            save(_film(period, name, words), path)
-    print(*doubts(design), f'{name}, {words}', path, sep='\n')
+            save(_film(period, name, words), part)
+    print(f'{name}, {words}', path, sep='\n')
 
 
 def page_of(period: Period, name: str, words: str) -> str:

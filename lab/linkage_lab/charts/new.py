@@ -86,7 +86,7 @@ def parameter_file(kind: str) -> str:
         '    # Also, by names of your own, any number of points whose paths are traced:',
         '    # points:',
         f'    #   NAME: {_flow(leaves(TracedPoint))}',
-        '    # and of loads; linkage_record --help explains them, and adds dyads and joints:',
+        '    # and of loads; linkage_record --help-parameters explains them, dyads and joints:',
         '    # loads:',
         *(f'    #   NAME: {_flow(leaves(load), kind=name)}' for name, load in LOADS.items()),
     ]

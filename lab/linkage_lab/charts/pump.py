@@ -6,7 +6,13 @@ import argparse
 from pathlib import Path
 from typing import Any, cast
 
-from linkage_lab.output import DPI, folder, pictures, progress, save_records
+from linkage_lab.output import (
+    DPI,
+    new_file,
+    pictures,
+    progress,
+    save_records,
+)
 from linkage_lab.pump.analysis import analyse
 from linkage_ros import ConfigurationError, WindPump, load
 
@@ -18,22 +24,20 @@ def pump(options: argparse.Namespace) -> None:
         options: Parsed command-line options.
 
     Raises:
-        ConfigurationError: The mechanism is not a wind pump, or the folder cannot be written.
+        ConfigurationError: The mechanism is not a wind pump, or a file cannot be written.
     """
     configuration = load(options.params)
     mechanism, drive = configuration.mechanism, cast('Any', configuration.drive)
     if not isinstance(mechanism, WindPump):
         raise ConfigurationError(f'{options.params} is not a wind_pump: try the preset wind_pump')
     name, motor = Path(options.params).stem, drive.motor
-    records = options.out / f'{name}_settled.json'
-    drawn = pictures(options, f'{name}_settled', options.params)
-    with folder(options.out):
-        found = analyse(
-            mechanism, motor.torque, motor.damping, speeds=options.speeds, progress=progress
-        )
-        from linkage_lab.pump.chart import draw_pump, states_table
+    records = new_file(options, options.out / f'{name}_settled.json')
+    drawn = pictures(options, f'{name}_settled')
+    found = analyse(
+        mechanism, motor.torque, motor.damping, speeds=options.speeds, progress=progress
+    )
+    from linkage_lab.pump.chart import draw_pump, states_table
 
-        save_records(records, [found.record()])
-        title = f'{name}: {motor}'
-        draw_pump(found, title, drawn, DPI / 2 if options.quick else DPI)
+    save_records(records, [found.record()])
+    draw_pump(found, f'{name}: {motor}', drawn, DPI / 2 if options.quick else DPI)
     print(records, *states_table(found), *drawn.paths, sep='\n')

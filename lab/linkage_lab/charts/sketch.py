@@ -25,14 +25,12 @@ from linkage_lab.output import (
     WIDTH,
     chart,
     doubts,
-    folder,
     pictures,
-    print_notes,
     rounded,
 )
 from linkage_lab.period import Period
 from linkage_lab.sampling import without_loads
-from linkage_ros import ConfigurationError, Solver, Spring, State, load
+from linkage_ros import ConfigurationError, Solver, Spring, State, cli, load
 from linkage_ros.extensions import LOADS
 from linkage_ros.formulas import Array
 from linkage_ros.internals import UNITS, Drawing, axes_of
@@ -121,20 +119,19 @@ def sketch(options: argparse.Namespace) -> None:
     design, name = load(options.params), Path(options.params).stem
     sketched = sketch_of(design, options.at)
     lines = [*describe(sketched)]
-    files = pictures(options, f'{name}_sketch', options.params)
-    print_notes(doubts(design))
-    with folder(options.out):
-        wrap = functools.partial(textwrap.wrap, width=_CHARACTERS, subsequent_indent='    ')
-        written = [*itertools.chain(*map(wrap, lines))]
-        height = _ROOM + HIGH + _LINE * len(written) + 0.15
-        with chart(files, height, layout=None) as figure:
-            figure.text(0.02, 1 - 0.12 / height, name, va='top', weight='bold', fontsize=TEXT)
-            axes = figure.add_axes((0.02, 1 - (_ROOM + HIGH) / height, 0.96, HIGH / height))
-            draw_sketch(axes, sketched, with_dimensions=options.dimensions)
-            figure.text(
-                0.3 / WIDTH, 1 - (_ROOM + HIGH + 0.05) / height, '\n'.join(written), va='top',
-                family='monospace', fontsize=NUMBERS - 0.5, linespacing=1.25,
-            )  # fmt: skip
+    files = pictures(options, f'{name}_sketch')
+    cli.print_notes(doubts(design))
+    wrap = functools.partial(textwrap.wrap, width=_CHARACTERS, subsequent_indent='    ')
+    written = [*itertools.chain(*map(wrap, lines))]
+    height = _ROOM + HIGH + _LINE * len(written) + 0.15
+    with chart(files, height, layout=None) as figure:
+        figure.text(0.02, 1 - 0.12 / height, name, va='top', weight='bold', fontsize=TEXT)
+        axes = figure.add_axes((0.02, 1 - (_ROOM + HIGH) / height, 0.96, HIGH / height))
+        draw_sketch(axes, sketched, with_dimensions=options.dimensions)
+        figure.text(
+            0.3 / WIDTH, 1 - (_ROOM + HIGH + 0.05) / height, '\n'.join(written), va='top',
+            family='monospace', fontsize=NUMBERS - 0.5, linespacing=1.25,
+        )  # fmt: skip
     print(name, *lines, *files.paths, sep='\n')
 
 

@@ -22,7 +22,7 @@ from linkage_lab.output import (
     WIDTH,
     Pictures,
     chart,
-    folder,
+    new_file,
     pictures,
     save_records,
 )
@@ -74,17 +74,17 @@ def stability(options: argparse.Namespace) -> None:
         options: Parsed command-line options.
 
     Raises:
-        ConfigurationError: The folder cannot be written.
+        ConfigurationError: A file cannot be written.
     """
-    records, drawn = options.out / 'stability.json', pictures(options, 'stability')
-    with folder(options.out):
-        cases = 2 if options.quick else 30
-        cells = [
-            cell for methods, places in GRIDS
-            for cell in measure.measure_outcomes(places, methods, cases=cases)
-        ]  # fmt: skip
-        save_records(records, cells)
-        draw_stability(cells, heading(cases), drawn)
+    records = new_file(options, options.out / 'stability.json')
+    drawn = pictures(options, 'stability')
+    cases = 2 if options.quick else 30
+    cells = [
+        cell for methods, places in GRIDS
+        for cell in measure.measure_outcomes(places, methods, cases=cases)
+    ]  # fmt: skip
+    save_records(records, cells)
+    draw_stability(cells, heading(cases), drawn)
     print(records, *drawn.paths, sep='\n')
 
 

@@ -7,11 +7,17 @@ import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-from linkage_lab.output import doubts, folder, print_notes, save_csv
+from linkage_lab.output import (
+    doubts,
+    new_file,
+    save_csv,
+)
 from linkage_lab.sampling import without_loads
-from linkage_ros import ConfigurationError, LinkageError, Mechanism, Solver, load
+from linkage_ros import ConfigurationError, LinkageError, Mechanism, Solver, cli, load
+from linkage_ros.internals import STANDARD_OUTPUT
 from linkage_ros.quantities import Angle
 
 _MOST, _TRIED = 16, 1024  # assemblies shown, and tried
@@ -56,16 +62,28 @@ def state(options: argparse.Namespace) -> None:
         ConfigurationError: The mechanism or an option is invalid.
         UnreachableError: No assembly exists at this position.
     """
+    table = options.csv and new_file(options, options.csv)
     design = load(options.params)
     place, speed, words = position_and_speed(design, options)
     found, notes = snapshots(design, place, speed, options.acceleration)
-    print_notes([*doubts(design), *notes])
-    for one in found:
-        print(*_table(one, words), '', sep='\n')
-    if options.csv:
-        with folder(options.csv.parent):
-            save_csv(options.csv, *_rows(found))
-        print(options.csv)
+    cli.print_notes([*doubts(design), *notes])
+    if options.json:
+        cli.print_json({
+            'position': words,
+            'assemblies': [
+                {
+                    'assembly': one.assembly,
+                    'values': {name: x._asdict() for name, x in one.values.items()},
+                    'missing': one.missing,
+                }
+                for one in found
+            ],
+        })  # fmt: skip
+    elif table != Path(STANDARD_OUTPUT):
+        for one in found:
+            print(*_table(one, words), '', sep='\n')
+    if table:
+        save_csv(table, *_rows(found))
 
 
 def position_and_speed(design: Any, options: argparse.Namespace) -> tuple[float, float, str]:
@@ -124,11 +142,11 @@ def snapshots(
             one = _snapshot(words, mechanism, design.drive, (place, speed, acceleration))
         except LinkageError as error:
             if not found and not refusals:
-                notes.append(f'note: {words}: {error}')
+                notes.append(f'{words}: {error}')
             refusals.append(error)
             continue
         if len(found) == _MOST:
-            notes.append(f'note: there are more than these {_MOST} assemblies')
+            notes.append(f'there are more than these {_MOST} assemblies')
             break
         found.append(one)
     if not found:

@@ -12,12 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from linkage_lab.output import Pictures, chart, doubts, folder, pictures, save_csv
+from linkage_lab.output import (
+    Pictures,
+    chart,
+    doubts,
+    new_file,
+    pictures,
+    save_csv,
+)
 from linkage_lab.sweep.designs import CANNOT_TURN, REFUSED, REVERSES, TURNS, measured
 from linkage_lab.sweep.measures import MEASURES
 from linkage_lab.sweep.spread import cluster, processes, spread
 from linkage_lab.sweep.study import Study, read_study
-from linkage_ros import ConfigurationError
+from linkage_ros import ConfigurationError, cli
 from linkage_ros.cli import progress_bar
 from linkage_ros.formulas import Array
 from linkage_ros.palette import BLUE, GREY, SKY, VERMILION, fractions
@@ -43,13 +50,14 @@ def sweep(options: argparse.Namespace) -> None:
         options: Parsed command-line options.
 
     Raises:
-        ConfigurationError: The study, the cluster or the folder cannot be used, or no design meets
+        ConfigurationError: The study, the cluster or a file cannot be used, or no design meets
             all constraints.
         KeyboardInterrupt: Ctrl-C was pressed; the table holds the designs measured so far.
     """
     study = read_study(options.study)
     name, count = Path(options.study).stem, len(study.designs)
-    table, drawn = options.out / f'{name}.csv', pictures(options, name, options.study)
+    table, drawn = new_file(options, options.out / f'{name}.csv'), pictures(options, name)
+    cli.print_notes(doubts(study.base))
     work = partial(measured, study.task)
     (base,) = work(np.array([[leaf.default for leaf in study.columns]]))
     blocks = np.split(study.designs, range(_BLOCK, count, _BLOCK))
@@ -57,26 +65,30 @@ def sweep(options: argparse.Namespace) -> None:
     if options.scheduler is not None:
         connect = partial(cluster, options.scheduler)
     found = np.full((count, len(base)), np.nan)
-    with folder(options.out):
-        try:
-            with progress_bar(total=count, desc='sweep', unit=' designs') as bar:
-                for i, rows in spread(work, blocks, connect):
-                    found[i * _BLOCK : i * _BLOCK + len(rows)] = rows
-                    bar.update(len(rows))
-        finally:
-            results, done = _Results(study, base, found), int(np.isfinite(found[:, 0]).sum())
-            if done:
-                save_csv(table, *results.table())
-            if 0 < done < count:
-                print(f'{done} of {count} designs are in {table}', file=sys.stderr)
-        if not results.good.any():
-            raise ConfigurationError(
-                f'no design is left of {results.summary}; change the ranges or the constraints'
-            )
-        if study.goals:
-            _draw_front(results, name, drawn)
+    try:
+        with progress_bar(total=count, desc='sweep', unit=' designs') as bar:
+            for i, rows in spread(work, blocks, connect):
+                found[i * _BLOCK : i * _BLOCK + len(rows)] = rows
+                bar.update(len(rows))
+    finally:
+        results, done = _Results(study, base, found), int(np.isfinite(found[:, 0]).sum())
+        if 0 < done < count:
+            table = table.with_stem(f'{name}_unfinished')
+            print(f'{done} of {count} designs are in {table}', file=sys.stderr)
+        if done:
+            save_csv(table, *results.table())
+    if not results.good.any():
+        raise ConfigurationError(
+            f'no design is left of {results.summary}; change the ranges or the constraints'
+        )
+    if study.goals:
+        _draw_front(results, name, drawn)
     written = [table, *drawn.paths] if study.goals else [table]
-    print(*doubts(study.base), results.summary, *results.lines(), *written, sep='\n')
+    if options.json:
+        files = [*map(str, written)]
+        cli.print_json({'text': [results.summary, *results.lines()], 'files': files})
+    else:
+        print(results.summary, *results.lines(), *written, sep='\n')
 
 
 class _Results:

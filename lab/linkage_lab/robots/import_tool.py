@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from linkage_lab.output import new_file, save_text
 from linkage_lab.robots.loops import Request
 from linkage_lab.robots.model import Robot
 from linkage_lab.robots.plane import FRAME
@@ -22,8 +23,8 @@ from linkage_lab.robots.sdf import read_sdf
 from linkage_lab.robots.urdf import read_urdf
 from linkage_ros import ConfigurationError, Solver, cli
 from linkage_ros.internals import (
+    STANDARD_OUTPUT,
     configure,
-    create_file,
     is_same_file,
     notes,
     printable,
@@ -139,7 +140,7 @@ def summary(found: RobotDrawing, mechanism_words: str) -> str:
     ]
     if found.across > _LAYER:
         lines.append(f'the ends stay {found.across:.6g} m apart along the normal')
-    return '\n'.join([*lines, *(f'note: {note}' for note in found.notes)])
+    return '\n'.join(lines)
 
 
 def _link_lines(found: RobotDrawing) -> Iterator[str]:
@@ -192,6 +193,9 @@ def import_robot(options: argparse.Namespace) -> None:
             raise ConfigurationError(f'--at {printable(name)}: it is given twice: give one value')
     if options.weld and not options.close:
         raise ConfigurationError('--weld needs --close TIP_LINK PIN_LINK')
+    if is_same_file(str(options.out), str(options.robot)):
+        raise ConfigurationError(f'{options.out} is the model and is kept: choose another name')
+    new_file(options, options.out)
     robot = read_robot(options.robot)
     request = Request(
         crank=options.crank, close=[(tip, pin) for tip, pin in options.close],
@@ -204,15 +208,11 @@ def import_robot(options: argparse.Namespace) -> None:
         configuration = configure({'drive': 'follow', **found.parameters})
     except ConfigurationError as error:
         raise ConfigurationError(f'{options.robot}: {error}') from error
-    if is_same_file(str(options.out), str(options.robot)):
-        raise ConfigurationError(f'{options.out} is the model and is kept: choose another name')
-    with create_file(
-        options.out, ConfigurationError, overwrite=options.overwrite, cure='give --overwrite'
-    ) as stream:
-        stream.write(parameter_text(found, options.robot.name).encode())
+    save_text(options.out, parameter_text(found, options.robot.name))
+    cli.print_notes([*found.notes, *notes(configuration)])
+    if str(options.out) == STANDARD_OUTPUT:
+        return
     print(summary(found, configuration.mechanism_words))
-    for line in notes(configuration):
-        print(f'note: {line}')
     speed = ' --rpm 30' if Solver(found.mechanism).reach.turns_fully else ''
     print(f'{options.out}; linkage_chart motion {options.out}{speed} shows it')
 
@@ -285,9 +285,9 @@ def _parser() -> argparse.ArgumentParser:
         }),
         (('-o',), None, {
             'dest': 'out', 'required': True, 'metavar': 'OUT.yaml', 'type': Path,
-            'help': 'the file to write',
+            'help': 'the file to write; - prints it',
         }),
-        (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'}),
+        cli.OVERWRITE,
     ])  # fmt: skip
     return parser
 
