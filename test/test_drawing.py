@@ -483,7 +483,7 @@ REFUSED = {
         {'slides': {'rocker': SLIDES['ram']}}, 'has the name of drawing.links.rocker'),
     'a mass without a center': (
         {'links': {**LINKS, 'rocker': {'pins': ['B', 'Q'], 'mass': 1.0}}},
-        r'center: \[130, 45\]'),
+        r'center: \[130.0, 45.0\]'),
     'a center of a slide of the frame': (
         {'slides': {'ram': {**SLIDES['ram'], 'center': [1.0, 1.0]}}}, 'it is the pin'),
     'a link held twice': (
@@ -591,6 +591,15 @@ def test_a_mistake_beside_the_drawing_is_named_with_its_cure(mistake):
     with pytest.raises(ConfigurationError, match=words) as error:
         configure(given)
     assert '\n' not in str(error.value)
+
+
+@pytest.mark.parametrize(('mass', 'is_noted'), [(5.0, False), (5000.0, True)])
+def test_a_mass_is_judged_by_the_size_of_the_drawing(mass, is_noted):
+    # The crank, 50 mm long, is the only link with a length.
+    groups = lever(direction=[30.0, 140.0])
+    groups['links']['lever'] |= {'mass': mass, 'center': [0.0, 0.0]}
+    found = [line for line in notes(configure(values(**groups))) if 'cube of steel' in line]
+    assert bool(found) == is_noted
 
 
 def test_a_pin_in_another_unit_is_noted():

@@ -467,8 +467,8 @@ def _bad_centers(drawing: Drawing) -> Iterator[str]:
                 continue
             if body.mass and body.center is None and {*its_pins} <= {*known}:
                 places = [drawing.pins[pin] for pin in its_pins]
-                x, y = (math.fsum(row) / len(row) for row in zip(*places, strict=True))
+                middle = [math.fsum(row) / len(row) for row in zip(*places, strict=True)]
                 yield (
-                    f'{name} has a mass and no center: the middle of its pins is '
-                    f'center: [{x:.6g}, {y:.6g}]'
+                    f'{name} has a mass and no center: give it; the middle of its pins is '
+                    f'center: {[float(f"{x:.6g}") for x in middle]}'
                 )

@@ -14,6 +14,7 @@ import numpy as np
 from linkage_ros.errors import UnreachableError
 from linkage_ros.mechanism.axes import carriers_of
 from linkage_ros.mechanism.drawing import pins_in_another_unit
+from linkage_ros.mechanism.exact import UNITS
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.joints import own_joints
@@ -164,8 +165,13 @@ def _pins(configuration: Configuration) -> Iterator[str]:
 
 
 def _longest(configuration: Configuration) -> float:
-    """Returns the length of the longest link, m; 0 if no link has a length."""
-    return max(_link_lengths(configuration).values(), default=0)
+    """Returns the length of the longest link, m; of a drawing, at least its width and height."""
+    lengths = [*_link_lengths(configuration).values()]
+    if configuration.given is not None:
+        drawing = configuration.given.drawing
+        columns = zip(*drawing.pins.values(), strict=True)
+        lengths += [float(UNITS[drawing.units]) * (max(x) - min(x)) for x in columns]
+    return max(lengths, default=0)
 
 
 def _places(configuration: Configuration) -> Iterator[str]:
