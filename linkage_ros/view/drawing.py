@@ -296,36 +296,41 @@ class Drawing:
 
     def _connect(self, asides: dict[str, str], hidden: dict[str, '_Corner']) -> None:
         """Determines the corners of the links and the directions that labels must avoid."""
-        names = [*self.pins, *self.pivot_names, *hidden]
-        self._shown, self._more = names, [*hidden.values()]
-        self._corners: dict[str, list[int]] = {}
+        carried: dict[str, list[str]] = {link: [] for link in self.joints}
+        for point, link in asides.items():
+            carried[link].append(point)
+        shapes: dict[str, list[str]] = {}
         for link, ends in self.ends.items():
-            shape = [*ends]
-            for i, aside in enumerate(x for x, owner in asides.items() if owner == link):
-                shape += [aside, ends[i % 2]]  # a triangle with both ends
-            self._corners[link] = [names.index(name) for name in shape]
-        sides = [side for shape in self._corners.values() for side in pairwise(shape)]
-        sides += [side[::-1] for side in sides]
-        distances = np.full((len(self.pins), 1), _LABEL_DISTANCE)
+            shapes[link] = [*ends]
+            for i, point in enumerate(carried[link]):
+                shapes[link] += [point, ends[i % 2]]  # a triangle with both ends
+        sides = [side for shape in shapes.values() for side in pairwise(shape)]
         for j, pin in self._blocks.items():
-            first, number = names.index(f'{j} 0'), names.index(pin)
-            corners = [first + i for i in _OUTLINE]
-            for point in (x for x, owner in asides.items() if owner == self.joints[j]):
-                corners += [first + 4] * (len(corners) == len(_OUTLINE))  # then along a side
-                corners += [number, names.index(point)]
-                sides += [(number, corners[-1]), (corners[-1], number)]
-            self._corners[self.joints[j]] = corners
-            sides += [(number, corner) for corner in range(first + 4, first + 7)]
-            if pin in self.pins:
-                distances[number] = _LABEL_BEYOND_BLOCK
+            block, points = [f'{j} {i}' for i in range(len(_BLOCK))], carried[self.joints[j]]
+            shape = [block[i] for i in _OUTLINE]
+            if points:
+                shape.append(block[4])  # along a side, then inwards to the pin
+            for point in points:
+                shape += [pin, point]
+                sides.append((pin, point))
+            shapes[self.joints[j]] = shape
+            sides += [(pin, middle) for middle in block[4:]]
         for j in self._blocks:
             carrier = j + 1 if j in self._pairs else self._links[j].parent
             if carrier is not None:
-                guide = [names.index(f'{j} {i}') for i in _GUIDE]
-                self._corners[self.joints[carrier]] += guide
-        ways = [[end for start, end in sides if start == pin] for pin in range(len(self.pins))]
+                shapes[self.joints[carrier]] += [f'{j} {i}' for i in _GUIDE]
+        names = [*self.pins, *self.pivot_names, *hidden]
+        self._shown, self._more = names, [*hidden.values()]
+        self._corners = {link: [*map(names.index, shape)] for link, shape in shapes.items()}
+        sides += [side[::-1] for side in sides]
+        ways = [[names.index(end) for start, end in sides if start == pin] for pin in self.pins]
         most = max(map(len, ways))
-        self._ways, self._distances = [(way * most)[:most] for way in ways], self._mark * distances
+        self._ways = [(way * most)[:most] for way in ways]
+        distances = [
+            _LABEL_BEYOND_BLOCK if pin in self._blocks.values() else _LABEL_DISTANCE
+            for pin in self.pins
+        ]
+        self._distances = self._mark * np.array(distances)[:, np.newaxis]
 
     def place(self, position: Array) -> Array:
         """Computes the positions of the moving points.
