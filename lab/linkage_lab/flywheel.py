@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart motion --fluctuation: flywheel sizing, and the crank's speed under a motor.
+"""Flywheel sizing, and the crank's speed under a motor.
 
 With the mechanism's inertia M at the crank, the flywheel's inertia J and the crank speed u, the
 kinetic energy E = (M + J) u^2 / 2 changes with the crank angle:
@@ -15,27 +15,23 @@ same energy at its start and end. Without a motor, c keeps a given mean speed. W
 
 import functools
 import math
-from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 from scipy.integrate import trapezoid
-from scipy.optimize import brentq
+from scipy.optimize import brentq, newton
 
 from linkage_lab.gaps import beside_change_points
-from linkage_lab.output import NUMBERS, Pictures, chart, over, rounded
-from linkage_lab.period import Extent, Period, extent, mean
+from linkage_lab.period import extent, mean
 from linkage_lab.sampling import derivative, integral, samples
 from linkage_ros import ConfigurationError, LinkageError, Mechanism, MechanismError, Solver
 from linkage_ros.formulas import Array
 from linkage_ros.internals import Motor
-from linkage_ros.palette import BLACK, COLORS, FIRST, GREY, SECOND, fractions
 
-_RPM = 30 / math.pi  # of 1 rad/s
 # Angles per turn; enough for six digits of a flywheel's inertia, also if a load has corners.
 _PARTS = 2880
 _ROUNDS, _CLOSE = 30, 1e-9  # maximum iterations; relative speed change at convergence
+_HEAVIEST = 64.0  # largest flywheel that is tried, relative to that of a constant torque
 _UNEVEN = 10.0  # fluctuation assigned to a crank without a steady cycle
 _MEAN_SPEED_ERROR = 1e-5  # largest, relative
 _APART = 1e-6  # relative speed step of a finite difference
@@ -116,16 +112,22 @@ class Crank:
         found = extent(angles, integral(angles, mean(angles, taken) - taken))
         return found.high - found.low
 
-    def inertia_for(self, fluctuation: float, speed: float) -> float:
+    def inertia_for(self, fluctuation: float, speed: float, motor: Motor | None = None) -> float:
         """Computes the inertia to add for a given fluctuation, kg m^2; 0 if none is needed.
 
+        Args:
+            fluctuation: The fluctuation; see `Cycle`.
+            speed: Mean speed over time, rad/s; with a motor, an estimate of it.
+            motor: The motor; None for a constant torque.
+
         Raises:
-            MechanismError: The mechanism has neither masses nor loads.
+            MechanismError: The mechanism has neither masses nor loads, or the motor cannot drive
+                it with any flywheel.
         """
 
         def excess(added: float) -> float:
             try:
-                return self.cycle(speed, added).fluctuation - fluctuation
+                return self.cycle(speed, added, motor).fluctuation - fluctuation
             except LinkageError:
                 return _UNEVEN
 
@@ -137,9 +139,38 @@ class Crank:
                 'no torque varies over a turn, so that a flywheel has nothing to do: give links '
                 'masses or loads'
             )
+        most = enough * _HEAVIEST
         while excess(enough) > 0:
             enough *= 2
+            if enough > most:
+                raise MechanismError('the motor cannot drive the cycle with any flywheel')
         return float(brentq(excess, 0.0, enough, xtol=1e-12 * enough, rtol=1e-12))
+
+    def motor_for(self, speed: float, added: float, motor: Motor) -> Motor:
+        """Computes the motor torque at rest that keeps a mean speed; the damping remains.
+
+        Args:
+            speed: Mean speed over time, rad/s.
+            added: Inertia added to the crank, kg m^2.
+            motor: A motor with this damping.
+
+        Raises:
+            MechanismError: No torque keeps this speed.
+        """
+
+        def stronger(torque: float) -> Motor:
+            return Motor(torque, motor.damping)
+
+        steady = self.cycle(speed, added)
+        enough = float(steady.torque.mean()) + motor.damping * speed
+        try:
+            torque = newton(
+                lambda x: self.cycle(speed, added, stronger(x)).speed / speed - 1, enough,
+                tol=_CLOSE * abs(enough),
+            )  # fmt: skip
+        except RuntimeError as error:
+            raise MechanismError('no motor torque keeps this speed') from error
+        return stronger(float(torque))
 
     @np.errstate(all='ignore')  # an iteration that fails may overflow or underflow
     def cycle(self, speed: float, added: float, motor: Motor | None = None) -> Cycle:
@@ -262,143 +293,3 @@ def _start_energy(
     if abs(excess_time(start)) > _MEAN_SPEED_ERROR:
         raise RuntimeError('the mean speed was not reached')
     return start
-
-
-def size_flywheel(
-    period: Period, motor: Motor | None, fluctuation: float, name: str, files: Pictures
-) -> list[str]:
-    """Sizes a flywheel for a mechanism, plots its effect, and checks the motor, if any.
-
-    `fluctuation` is the allowed difference between the largest and the smallest speed, relative to
-    the mean speed; `name` is the name of the parameter file; `files` are the files of the picture.
-    Returns the summary, line by line.
-    """
-    crank, speed = Crank(period.solver.mechanism), period.speed
-    added, energy = crank.inertia_for(fluctuation, speed), crank.energy(speed)
-    steady, (bare, reason) = crank.cycle(speed, added), _attempt(crank.cycle, speed, 0.0)
-    without = f'{bare.fluctuation:.4g}' if bare else reason
-    total, torque = energy / (fluctuation * speed**2), period.mean_power / speed
-    lines = [
-        _demand(period, 'driving_torque', torque),
-        _demand(period, 'driving_power', period.mean_power),
-        f'fluctuation {fluctuation:g}: add {added:.5g} kg m^2 to the crank (without: {without})',
-        f'to first order: {rounded(energy)} J between the extremes, {total:.5g} kg m^2 in total',
-    ]
-    size, power = (extent(period.crank, period.columns[f'driving_{x}'].values)
-                   for x in ('torque', 'power'))  # fmt: skip
-    rows = [
-        ('mean speed', f'{_RPM * speed:.5g} rpm'),
-        ('fluctuation', f'{fluctuation:g}' + (f', {without} without' if bare else '')),
-        ('added to the crank', f'{added:.5g} kg m\u00b2'),
-        ('surplus of a turn', f'{rounded(energy)} J'),
-        ('torque: peak, rms, mean', _listed(_peak(size), size.rms, torque) + ' N m'),
-        ('power: peak, mean', _listed(_peak(power), period.mean_power) + ' W'),
-    ]
-    carried = None
-    if motor:
-        carried, words = _attempt(crank.cycle, speed, added, motor)
-        range_ = words
-        if carried:
-            range_ = f'{rounded(_RPM * carried.speed)} rpm, {carried.fluctuation:.4g}'
-        rows += [('motor', str(motor).removeprefix('motor ')), ('with this motor', range_)]
-        needed = f'and the cycle needs {rounded(torque)} N m'
-        lines += [
-            f'{motor}: {rounded(motor.at(speed))} N m at this speed, {needed}',
-            f'with the flywheel: {words}',
-            f'without: {_attempt(crank.cycle, speed, 0.0, motor)[1]}',
-        ]
-    with chart(files, 9.2 if motor else 7.0, f'{name}: flywheel') as figure:
-        heights = (0.16 * math.ceil(len(rows) / 2), *(2.2,) * (3 if motor else 2))
-        table, torques, speeds, *planes = figure.subplots(
-            len(heights), 1, gridspec_kw={'height_ratios': heights}
-        )
-        _write_table(table, rows)
-        _draw_cycles(speeds, torques, period, bare, steady)
-        if motor:
-            _draw_plane(planes[0], motor, carried, steady)
-        for axes in (speeds, torques, *planes):
-            axes.legend(loc='lower left', bbox_to_anchor=(0, 0.98), ncols=4)
-    return lines
-
-
-def _demand(period: Period, name: str, average: float) -> str:
-    """Describes peak, rms and mean of torque or power at a constant speed."""
-    unit, values = period.columns[name]
-    size = extent(period.crank, values)
-    return (
-        f'{name.replace("_", " ")}: peak {rounded(_peak(size))} {unit}, '
-        f'rms {rounded(size.rms)} {unit}, mean {rounded(average + 0.0)} {unit}'
-    )
-
-
-def _listed(*values: float) -> str:
-    return ', '.join(rounded(value + 0.0) for value in values)
-
-
-def _peak(size: Extent) -> float:
-    return max(-size.low, size.high) + 0.0
-
-
-def _attempt(compute: Callable[..., Cycle], *arguments: Any) -> tuple[Cycle | None, str]:
-    """Computes a cycle; returns it with a description, or None with the reason for failure."""
-    try:
-        cycle = compute(*arguments)
-    except LinkageError as error:
-        return None, str(error)
-    at = f'at {rounded(_RPM * cycle.speed)} rpm, fluctuation {cycle.fluctuation:.4g}'
-    return cycle, f'the motor drives the cycle {at}'
-
-
-def _draw_cycles(
-    speeds: Axes, torques: Axes, period: Period, bare: Cycle | None, steady: Cycle
-) -> None:
-    """Plots torque and crank speed; shades the energy that the flywheel stores and returns."""
-    degrees, way = np.degrees(period.crank), math.copysign(1.0, period.speed)
-    taken = period.columns['driving_torque'].values
-    given = np.interp(period.crank, steady.crank, steady.torque)
-    surplus = way * (given - taken) > 0
-    for where, color, label in (
-        (surplus, FIRST, 'surplus, stored in the flywheel'),
-        (~surplus, SECOND, 'deficit, returned by it'),
-    ):
-        torques.fill_between(
-            degrees, taken, given, where, interpolate=True, color=fractions(color), alpha=0.45,
-            linewidth=0, label=label,
-        )  # fmt: skip
-    curves = [
-        (torques, period.crank, taken, COLORS['crank'], 'needed at a constant speed'),
-        (torques, steady.crank, steady.torque, BLACK, 'mean torque of the drive'),
-        (speeds, steady.crank, _RPM * steady.velocity, COLORS['crank'], 'with the flywheel'),
-    ]
-    if bare:
-        curves.append((speeds, bare.crank, _RPM * bare.velocity, FIRST, 'without flywheel'))
-    for axes, crank, values, color, label in curves:
-        axes.plot(np.degrees(crank), values, color=fractions(color), label=label)
-    over(torques, period, 'Torque, N m')
-    over(speeds, period, 'Crank speed, rpm')
-    speeds.set_xlabel('Crank angle, deg')
-
-
-def _write_table(axes: Axes, rows: Sequence[tuple[str, str]]) -> None:
-    """Writes names and values in two pairs of columns."""
-    axes.set_axis_off()
-    half = math.ceil(len(rows) / 2)
-    for i, (name, value) in enumerate(rows):
-        x, y = 0.52 * (i // half), 1 - (i % half + 0.5) / half
-        style: dict[str, Any] = {'va': 'center', 'fontsize': NUMBERS, 'transform': axes.transAxes}
-        axes.text(x, y, name, color='0.35', **style)
-        axes.text(x + 0.19, y, value, **style)
-
-
-def _draw_plane(axes: Axes, motor: Motor, carried: Cycle | None, steady: Cycle) -> None:
-    """Plots torque against speed: the motor, the demand of the mechanism, the operating range."""
-    cycle, label = carried or steady, 'needed by the mechanism, with the flywheel'
-    axes.plot(_RPM * cycle.velocity, cycle.demand, color=fractions(FIRST), label=label)
-    point, slope = (_RPM * cycle.speed, motor.at(cycle.speed)), -motor.damping / _RPM
-    axes.axline(point, slope=slope, color=fractions(GREY), label="the motor's line")
-    if carried:
-        axes.plot(
-            _RPM * carried.velocity, carried.torque, color=fractions(BLACK),
-            label='operating range', linewidth=4.0, solid_capstyle='butt',
-        )  # fmt: skip
-    axes.set(xlabel='Crank speed, rpm', ylabel='Torque, N m')

@@ -10,10 +10,10 @@ import os
 import platform
 import re
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -32,6 +32,9 @@ STYLE: dict[Any, Any] = {
     'legend.frameon': False, 'axes.formatter.useoffset': False,
     'axes.formatter.limits': (-12, 12),
 }  # fmt: skip
+# Inches: height of a name beside a line's end, and the line to it.
+NAME, LEADER = 0.135, 0.2
+Box: TypeAlias = tuple[float, float, float, float]
 _UNDISTURBED = 0.95  # share of a processor above which times are trusted
 _AROUND = 16  # steps beside an infinite value, beyond whose values a diagram need not reach
 # Told apart in grey: solid, long dashes, dots, dash and dot, dash and two dots, short dashes, long
@@ -246,3 +249,64 @@ def round_ticks(axis: Any, unit: str, parts: int) -> None:
         axis.set_major_locator(MultipleLocator(steps[0] if steps else _ANGLES[-1]))
     else:
         axis.set_major_locator(MaxNLocator(parts, steps=[1, 2, 5, 10]))
+
+
+def box(height: float, left: float, top: float, wide: float, high: float) -> Box:
+    """Converts a box in a chart, inches from its upper left corner, to shares of the chart."""
+    return left / WIDTH, 1 - (top + high) / height, wide / WIDTH, high / height
+
+
+def name_ends(axes: Any, lines: Mapping[str, Any], size: tuple[float, float]) -> None:
+    """Writes the names of lines beside their right ends, without overlaps.
+
+    Args:
+        axes: Axes with their limits.
+        lines: The lines by name.
+        size: Width and height of the axes, inches.
+    """
+    from matplotlib.colors import to_rgb
+    from matplotlib.lines import Line2D
+
+    low, high = axes.get_ylim()
+    ends = list[float]()
+    for line in lines.values():
+        values = np.asarray(line.get_ydata())
+        last = values[np.isfinite(values)][-1]
+        ends.append(float(np.clip((last - low) / (high - low), 0.0, 1.0)))
+    places = spread(ends, NAME / size[1])
+    for (name, line), end, place in zip(lines.items(), ends, places, strict=True):
+        red, green, blue = to_rgb(line.get_color())
+        color = 0.7 * red, 0.7 * green, 0.7 * blue  # readable on white
+        leader = Line2D(
+            [1.0, 1 + LEADER / size[0]], [end, place], color=color, linewidth=0.6,
+            transform=axes.transAxes, clip_on=False,
+        )  # fmt: skip
+        axes.add_line(leader)
+        axes.text(
+            1 + (LEADER + 0.03) / size[0], place, name, color=color, va='center_baseline',
+            fontsize=NUMBERS, transform=axes.transAxes,
+        )  # fmt: skip
+
+
+def spread(places: Sequence[float], least: float) -> list[float]:
+    """Moves places in the same order until they are `least` apart.
+
+    Each run of places that are too close becomes evenly spaced about its mean.
+    """
+    runs = [[i] for i in sorted(range(len(places)), key=places.__getitem__)]
+
+    def start(run: list[int]) -> float:
+        return sum(places[i] for i in run) / len(run) - 0.5 * least * len(run)
+
+    i = 0
+    while i + 1 < len(runs):
+        if start(runs[i]) + least * len(runs[i]) > start(runs[i + 1]):
+            runs[i : i + 2] = [runs[i] + runs[i + 1]]
+            i = max(0, i - 1)
+        else:
+            i += 1
+    moved = [0.0] * len(places)
+    for run in runs:
+        for number, j in enumerate(run):
+            moved[j] = start(run) + (number + 0.5) * least
+    return moved

@@ -20,10 +20,10 @@ from linkage_ros.internals import period_turns, poses
 
 _BISECTIONS = 64  # halvings of a step, after which its ends differ only by rounding
 _PARTS = 8  # least number of steps between two corners or jumps
-# Samples of the polynomial of each step, and the nodes and weights of Gauss that integrate it
-# exactly over [-1, 1].
+# Values for the polynomial of a step, and the nodes and weights of Gauss that integrate it exactly
+# over [-1, 1].
 _NEAR = 6
-_GAUSS = np.polynomial.legendre.leggauss(_NEAR // 2)
+_GAUSS = np.polynomial.legendre.leggauss(3)
 # A search for peaks: order of the Chebyshev polynomials, parts of an interval, rounds, relative
 # change at convergence, and most samples around which a function is searched.
 _ORDER, _CELLS, _ROUNDS, _CLOSE, _TOPS = 10, 64, 24, 4e-15, 16
@@ -275,55 +275,62 @@ def _tops(x: Array, values: Array) -> tuple[Any, Any]:
     return row, near
 
 
-class _Polynomials:
-    """A polynomial for each step of smooth functions, through the six samples around the step."""
+class _Steps:
+    """A polynomial for each step between increasing places, through the six values around it.
 
-    def __init__(self, x: Array, values: Array) -> None:
-        """Computes Newton's coefficients.
+    Attributes:
+        around: Indices of the places around each step, shape (n - 1, k).
+    """
 
-        Args:
-            x: Increasing places, shape (n,).
-            values: The m functions there, shape (n, m).
-        """
+    def __init__(self, x: Array) -> None:
+        """Computes Newton's coefficients of the polynomials of unit values; `x` are the places."""
         count = min(_NEAR, len(x))
         before = np.clip(np.arange(1 - count // 2, len(x) - count // 2), 0, len(x) - count)
-        around = before[:, None] + np.arange(count)
-        self._x, self._nodes, terms = x, x[around].T, np.moveaxis(values[around], 1, 0)
+        self.around = before[:, None] + np.arange(count)
+        self._x, self._nodes = x, x[self.around].T
+        self._terms = np.repeat(np.eye(count)[:, None], len(x) - 1, axis=1)
         for order in range(1, count):
             apart = self._nodes[order:] - self._nodes[:-order]
-            terms[order:] = (terms[order:] - terms[order - 1 : -1]) / apart[..., None]
-        self._terms = terms
+            self._terms[order:] = np.diff(self._terms[order - 1 :], axis=0) / apart[..., None]
 
-    def at(self, places: Array) -> tuple[Array, Array]:
-        """Returns values and slopes at places of shape (k,), each of shape (k, m)."""
+    def at(self, places: Array) -> tuple[Any, Array, Array]:
+        """Returns the steps of places, and the weights of values and slopes, shape (p, k)."""
         step = np.clip(np.searchsorted(self._x, places, side='right') - 1, 0, len(self._x) - 2)
         *lower, value = self._terms[:, step]
         slope = np.zeros_like(value)
         for node, term in zip(self._nodes[-2::-1, step], reversed(lower), strict=True):
             way = (places - node)[:, None]
             value, slope = value * way + term, slope * way + value
-        return value, slope
+        return step, value, slope
 
+    @functools.cached_property
     def areas(self) -> Array:
-        """Returns the integral over each step, shape (n - 1, m)."""
+        """Weights of the integral over each step, shape (n - 1, k)."""
         half, middle = 0.5 * np.diff(self._x), 0.5 * (self._x[1:] + self._x[:-1])
         nodes, weights = _GAUSS
-        values, _ = self.at(np.ravel(middle[:, None] + half[:, None] * nodes))
-        return half[:, None] * np.tensordot(
-            values.reshape(len(half), len(nodes), -1), weights, (1, 0)
-        )
+        _, values, _ = self.at(np.ravel(middle[:, None] + half[:, None] * nodes))
+        return half[:, None] * np.tensordot(values.reshape(len(half), 3, -1), weights, (1, 0))
+
+    @functools.cached_property
+    def slopes(self) -> tuple[Any, Array]:
+        """The steps of the places themselves, and the weights of the slopes there."""
+        step, _, slopes = self.at(self._x)
+        return step, slopes
 
 
 def interpolated(x: Array, values: Array) -> Callable[[Array], Array]:
     """Interpolates m functions between samples, separately between corners and jumps."""
-    parts = [(x[part.start], smooth) for part, smooth in _smooth_parts(x, values.T)]
-    starts = np.array([start for start, _ in parts])
+    parts = _smooth_parts(x.tobytes())
+    starts = np.array([x[part.start] for part, _ in parts])
 
     def curves(places: Array) -> Array:
         which = np.clip(np.searchsorted(starts, places, side='right') - 1, 0, None)
         found = np.empty((len(values), len(places)))
         for i in np.unique(which):
-            found[:, which == i] = parts[i][1].at(places[which == i])[0].T
+            part, steps = parts[i]
+            step, weights, _ = steps.at(places[which == i])
+            near = values[:, part][:, steps.around[step]]
+            found[:, which == i] = (near * weights).sum(axis=2)
         return found
 
     return curves
@@ -332,21 +339,25 @@ def interpolated(x: Array, values: Array) -> Callable[[Array], Array]:
 def derivative(crank: Array, values: Array) -> Array:
     """Differentiates values by the crank angle, separately between corners and jumps."""
     found = np.zeros_like(values)
-    for part, smooth in _smooth_parts(crank, values[:, None]):
-        found[part] = smooth.at(crank[part])[1][:, 0]
+    for part, steps in _smooth_parts(crank.tobytes()):
+        step, weights = steps.slopes
+        found[part] = (values[part][steps.around[step]] * weights).sum(axis=1)
     return found
 
 
 def integral(crank: Array, values: Array) -> Array:
     """Integrates values over the crank angle, from the first angle to each angle."""
-    steps = 0.5 * np.diff(crank) * (values[1:] + values[:-1])
-    for part, smooth in _smooth_parts(crank, values[:, None]):
-        steps[part.start : part.stop - 1] = smooth.areas()[:, 0]
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    areas = 0.5 * np.diff(crank) * (values[1:] + values[:-1])
+    for part, steps in _smooth_parts(crank.tobytes()):
+        near = values[part][steps.around]
+        areas[part.start : part.stop - 1] = (near * steps.areas).sum(axis=1)
+    return np.concatenate([[0.0], np.cumsum(areas)])
 
 
-def _smooth_parts(crank: Array, values: Array) -> list[tuple[slice, _Polynomials]]:
-    """Interpolates values between corners and jumps, which have a crank angle on either side."""
+@functools.lru_cache(4)  # the values of many quantities are at the same places
+def _smooth_parts(places: bytes) -> list[tuple[slice, _Steps]]:
+    """Finds the parts between corners and jumps, which have a crank angle on either side."""
+    crank = np.frombuffer(places)
     cuts = [0, *(np.flatnonzero(np.diff(crank) < SAME) + 1).tolist(), len(crank)]
     parts = [slice(*pair) for pair in itertools.pairwise(cuts) if pair[1] - pair[0] > 1]
-    return [(part, _Polynomials(crank[part], values[part])) for part in parts]
+    return [(part, _Steps(crank[part])) for part in parts]

@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 from test_sketch import JANSEN
 
 from linkage_lab.charts.curves import Curve, Panel, panels
-from linkage_lab.charts.motion import _apart
 from linkage_lab.command_line import QUANTITIES
-from linkage_lab.output import dash, round_ticks
+from linkage_lab.output import dash, round_ticks, spread
 from linkage_lab.period import period_to_show, speed_driven_period
 from linkage_ros import Body, Coupler, Dyad, Force, FourBar, Frame
 from linkage_ros.settings.configuration import configure, load
@@ -75,7 +74,7 @@ def test_only_what_changes_is_drawn():
     'ends', [[0.5], [0.1, 0.9], [0.5, 0.5, 0.5], [0.3, 0.31, 0.29, 0.8], [0.0, 0.0, 1.0, 1.0]]
 )
 def test_names_at_ends_keep_their_order_and_distance(ends):
-    found = _apart(ends, 0.1)
+    found = spread(ends, 0.1)
     places = sorted(found)
     assert all(np.diff(places) > 0.1 - 1e-12)
     assert np.argsort(found, kind='stable').tolist() == np.argsort(ends, kind='stable').tolist()

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from pages import ROOT, read
+from pages import ROOT, page_files, read
 from scipy.interpolate import CubicSpline
 from transforms import mirrored
 
-from linkage_lab import command_line
+from linkage_lab import command_line, flywheel
 from linkage_lab.charts.economy import POINT_MASSES, Economy, handover
 from linkage_lab.flywheel import Crank
 from linkage_lab.period import extent
@@ -418,6 +418,48 @@ def test_large_torques_and_powers_have_no_exponents(tmp_path, called, monkeypatc
     found = [words for words in (said, *texts) if re.search(r'\de\+', words)]
     assert len(pages) == 2
     assert not found
+
+
+@pytest.mark.parametrize(
+    ('motor', 'rpm', 'fluctuation', 'cures'),
+    [
+        (Motor(17.0, 1.0), 120.0, 0.1, ''),
+        (Motor(17.0, 1.0), 90.0, 0.1, 'torque'),
+        (Motor(2.0, 0.05), 120.0, 0.1, 'torque'),
+        (Motor(14.9, 1.0), 120.0, 0.4, 'inertia torque'),
+    ],
+)
+def test_sheet_says_what_a_motor_misses_and_what_cures_it(
+    tmp_path, monkeypatch, called, undrawn, motor, rpm, fluctuation, cures
+):
+    monkeypatch.setattr(flywheel, '_PARTS', 360)
+    text = page_files(read('lab/docs/sizing.md'))['punch_motor.yaml']
+    given = f'torque: {motor.torque}, damping: {motor.damping}'
+    file = tmp_path / 'punch.yaml'
+    file.write_text(text.replace('torque: 17.0, damping: 1.0', given))
+    options = '--rpm', rpm, '--fluctuation', fluctuation, '--out', tmp_path
+    code, said, error = called(command_line, 'motion', file, *options)
+    assert code == 0, error
+    crank, speed = Crank(load(str(file)).mechanism), radians_per_second(rpm)
+
+    def keeps(motor, added):
+        try:
+            cycle = crank.cycle(speed, added, motor)
+        except MechanismError:
+            return False
+        near = abs(cycle.speed / speed - 1) <= 0.5 * fluctuation
+        return near and cycle.fluctuation <= 1.011 * fluctuation
+
+    added = crank.inertia_for(fluctuation, speed)
+    assert ('NOT kept' in said) == bool(cures) == (not keeps(motor, added))
+    if cures:
+        inertia = re.search(r'needs ([\d.]+) kg', said)
+        assert bool(inertia) == ('inertia' in cures)
+        assert inertia is None or keeps(motor, float(inertia[1]))
+        torque, more = re.search(
+            r'a motor torque of ([\d.]+) N m(?: with ([\d.]+) kg)?', said
+        ).groups()
+        assert keeps(Motor(float(torque), motor.damping), float(more or added))
 
 
 def test_linkage_without_masses_and_loads_needs_no_flywheel():

@@ -9,7 +9,7 @@ import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,13 +28,17 @@ from linkage_lab.charts.curves import (
 from linkage_lab.charts.linkage_picture import WIDE, proportion
 from linkage_lab.charts.sketch import Sketched, draw_sketch, sketch_at
 from linkage_lab.output import (
+    LEADER,
+    NAME,
     NUMBERS,
     TEXT,
     WIDTH,
     Pictures,
+    box,
     chart,
     dash,
     doubts,
+    name_ends,
     new_file,
     over,
     pictures,
@@ -44,34 +48,19 @@ from linkage_lab.output import (
 )
 from linkage_lab.period import Extent, Period, extent, extents, period_to_show, stepped
 from linkage_ros import ConfigurationError, cli, load
-from linkage_ros.formulas import Array
-from linkage_ros.palette import BLACK, fractions, mixed
+from linkage_ros.palette import BLACK, fractions
 
-# Inches. Heights: picture, at most; sketch, at least; sketch above the text; diagram; its title
-# and the gap above it; bottom margin; line of text; row of the table; name of a curve.
-_TALLEST, _SKETCH, _ABOVE, _ROW, _TITLE, _FOOT, _LINE, _ROWS, _NAME = (
-    12.8,
-    3.3,
-    2.6,
-    1.5,
-    0.34,
-    0.5,
-    0.2,
-    0.165,
-    0.135,
-)
-# Widths: margin left of the diagrams, and right of those without names; sketch beside the text;
-# sample of a line; the line from a curve to its name; character of the table, and of a name.
-_MARGIN, _RIGHT, _BESIDE, _SAMPLE, _LEADER, _CHARACTER, _LETTER = (
-    0.7,
-    0.2,
-    4.2,
-    0.4,
-    0.2,
-    0.072,
-    0.08,
-)
-Box: TypeAlias = tuple[float, float, float, float]
+# Heights, inches: picture, at most; sketch, at least, and above the text; diagram, and its title
+# with the gap above it; bottom margin; line of text; row of the table.
+_TALLEST = 12.8
+_SKETCH, _ABOVE = 3.3, 2.6
+_ROW, _TITLE = 1.5, 0.34
+_FOOT, _LINE, _ROWS = 0.5, 0.2, 0.165
+# Widths, inches: margins left of the diagrams, and right of those without names; sketch beside the
+# text; sample of a line; character of the table, and of a name.
+_LEFT, _RIGHT = 0.7, 0.2
+_BESIDE, _SAMPLE = 4.2, 0.4
+_CHARACTER, _LETTER = 0.072, 0.08
 _SINGLE = 6  # most diagrams in one column
 _LONGEST, _HEADING = 20, 26  # characters of a curve's name, and of a heading beside numbers
 _SHOWN_AT = 45.0  # crank angle of the sketch without a drawing, deg; links rarely overlap there
@@ -126,7 +115,7 @@ def motion(options: argparse.Namespace) -> None:
                    f'shown at {_place(period)}']  # fmt: skip
     files = [*drawn.paths, table]
     if flywheel is not None:
-        from linkage_lab.flywheel import size_flywheel  # needs SciPy
+        from linkage_lab.charts.flywheel_sheet import size_flywheel  # needs SciPy
 
         motor = getattr(designs[0].drive, 'motor', None)
         lines += size_flywheel(period, motor, options.fluctuation, names[0], flywheel)
@@ -278,7 +267,7 @@ def _draw_motion(
     columns = 1 if len(drawn) <= _SINGLE else 2
     down = math.ceil(len(drawn) / columns)
     row = min(_ROW, (_TALLEST - top - _FOOT) / max(1, down) - _TITLE)
-    names = _NAME * max((len(x.curves) for x in drawn if x.has_names), default=0)
+    names = NAME * max((len(x.curves) for x in drawn if x.has_names), default=0)
     height = top + down * (max(row, names) + _TITLE) + _FOOT
     with chart(files, height, layout=None) as figure:
         wide = (WIDTH if above else _BESIDE) / len(sketches)
@@ -286,8 +275,8 @@ def _draw_motion(
             color = DESIGN_COLORS[i] if others else BLACK
             if others:  # the curves have the colours of the designs, not of their links
                 sketched.drawing.colors = dict.fromkeys(sketched.drawing.joints, color)
-            box = _box(height, (i + 0.02) * wide, 0.35, 0.96 * wide, sketch - 0.4)
-            draw_sketch(figure.add_axes(box), sketched, with_dimensions=options.dimensions)
+            place = box(height, (i + 0.02) * wide, 0.35, 0.96 * wide, sketch - 0.4)
+            draw_sketch(figure.add_axes(place), sketched, with_dimensions=options.dimensions)
             figure.text(
                 (i * wide + 0.2) / WIDTH, 1 - 0.12 / height, textwrap.shorten(name, 40), va='top',
                 color=fractions(color), weight='bold', fontsize=TEXT,
@@ -301,11 +290,6 @@ def _draw_motion(
             left = WIDTH - widest - 0.3 if notes else 0.5 * (WIDTH - widest)
         _write_table(figure, table, left, height - (start if above else start + said))
         _draw_panels(figure, drawn, first, (columns, down), (top, max(row, names)))
-
-
-def _box(height: float, left: float, top: float, wide: float, high: float) -> Box:
-    """Converts a box of a figure, inches from the upper left corner, to shares of the figure."""
-    return left / WIDTH, 1 - (top + high) / height, wide / WIDTH, high / height
 
 
 def _constant(panel: Panel) -> str:
@@ -418,11 +402,11 @@ def _draw_panels(
     for column in range(columns):
         group = drawn[column * down : (column + 1) * down]
         letters = max((_letters(panel) for panel in group), default=0)
-        names = _LEADER + 0.05 + _LETTER * letters if letters else _RIGHT
-        left, wide = column * WIDTH / columns + _MARGIN, WIDTH / columns - _MARGIN - names
+        names = LEADER + 0.05 + _LETTER * letters if letters else _RIGHT
+        left, wide = column * WIDTH / columns + _LEFT, WIDTH / columns - _LEFT - names
         for i, panel in enumerate(group):
             y = top + i * (high + _TITLE) + _TITLE
-            axes = figure.add_axes(_box(height, left, y, wide, high))
+            axes = figure.add_axes(box(height, left, y, wide, high))
             _draw_panel(axes, panel, (wide, high), 4 if columns > 1 else 8)
             axes.tick_params(labelbottom=i == len(group) - 1)
         if group:
@@ -447,57 +431,12 @@ def _draw_panel(axes: Axes, panel: Panel, size: tuple[float, float], parts: int)
         size: Width and height of the axes, inches.
         parts: Most intervals between ticks of the horizontal axis.
     """
-    for curve in panel.curves:
-        axes.add_line(_line(curve, curve.period.marks, curve.values))
+    lines = {curve.name: _line(curve, curve.period.marks, curve.values) for curve in panel.curves}
+    for line in lines.values():
+        axes.add_line(line)
     axes.autoscale_view()
     axes.set_ylim(shown_range([curve.values for curve in panel.curves], axes.get_ylim()))
     widest = max((curve.period for curve in panel.curves), key=lambda x: float(x.marks[-1]))
     over(axes, widest, panel.heading, parts)
-    if not panel.has_names:
-        return
-    low, high = axes.get_ylim()
-    ends = [_end(curve.values, low, high) for curve in panel.curves]
-    for curve, end, at in zip(panel.curves, ends, _apart(ends, _NAME / size[1]), strict=True):
-        color = fractions(mixed(curve.color, BLACK, 0.3))
-        axes.add_line(
-            Line2D(
-                [1.0, 1 + _LEADER / size[0]], [end, at], color=color, linewidth=0.6,
-                transform=axes.transAxes, clip_on=False,
-            )
-        )  # fmt: skip
-        axes.text(
-            1 + (_LEADER + 0.03) / size[0], at, _short(curve.name), color=color,
-            va='center_baseline', fontsize=NUMBERS, transform=axes.transAxes,
-        )  # fmt: skip
-
-
-def _end(values: Array, low: float, high: float) -> float:
-    """Returns the height of the last finite value, as a share of the diagram."""
-    last = values[np.isfinite(values)][-1]
-    return float(np.clip((last - low) / (high - low), 0.0, 1.0))
-
-
-def _apart(ends: Sequence[float], least: float) -> list[float]:
-    """Moves places in the same order until they are `least` apart, around their middle if dense.
-
-    Each run of places that are too close becomes evenly spaced about its mean.
-    """
-    runs = [[i] for i in sorted(range(len(ends)), key=ends.__getitem__)]
-
-    def span(run: list[int]) -> tuple[float, float]:
-        middle, half = sum(ends[i] for i in run) / len(run), 0.5 * least * len(run)
-        return middle - half, middle + half
-
-    i = 0
-    while i + 1 < len(runs):
-        if span(runs[i])[1] > span(runs[i + 1])[0]:
-            runs[i : i + 2] = [runs[i] + runs[i + 1]]
-            i = max(0, i - 1)
-        else:
-            i += 1
-    found = [0.0] * len(ends)
-    for run in runs:
-        low, _ = span(run)
-        for place, j in enumerate(run):
-            found[j] = low + (place + 0.5) * least
-    return found
+    if panel.has_names:
+        name_ends(axes, {_short(name): line for name, line in lines.items()}, size)

@@ -1,0 +1,328 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart motion --fluctuation: the sheet of a flywheel and of a motor."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from linkage_lab.flywheel import Crank, Cycle
+from linkage_lab.output import (
+    NUMBERS,
+    SMALL,
+    TEXT,
+    WIDTH,
+    Pictures,
+    box,
+    chart,
+    dash,
+    name_ends,
+    over,
+    round_ticks,
+    rounded,
+)
+from linkage_lab.period import Extent, Period, extent
+from linkage_ros import LinkageError
+from linkage_ros.internals import Motor
+from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, VERMILION, WHITE, fractions, mixed
+
+_RPM = 30 / math.pi  # of 1 rad/s
+# Inches: upper end of the table, its rows, a diagram, its title with the gap above, lower margin.
+_TOP, _ROWS, _HIGH, _TITLE, _FOOT = 0.4, 0.19, 2.1, 0.6, 0.25
+_LEFT, _NAMES = 0.75, 1.65  # margin left of the diagrams, and right of them for names
+_SLIGHTLY = 1.01  # times the allowed fluctuation, which still counts as kept
+_SHOWN = 2.0  # heights of the band above and below it that the diagram of speeds shows at most
+# Colour and dash of each case, in all diagrams.
+NEEDED, STEADY, BARE, DRIVEN = 'needed', 'with the flywheel', 'without flywheel', 'with this motor'
+_STYLES: dict[str, dict[str, Any]] = {
+    name: {'color': fractions(color), 'linestyle': dash(number), 'linewidth': 1.6}
+    for name, color, number in (
+        (NEEDED, BLACK, 0), (STEADY, BLUE, 1), (BARE, ORANGE, 2), (DRIVEN, GREEN, 3),
+    )
+}  # fmt: skip
+
+
+class _Sizing(NamedTuple):
+    """A flywheel for a mechanism, and what a motor does with it.
+
+    Attributes:
+        period: The motion at a constant speed.
+        fluctuation: Allowed difference between the largest and the smallest speed, relative to
+            the mean speed.
+        added: Inertia of the flywheel, kg m^2.
+        energy: First-order range of the kinetic energy, J.
+        steady: The cycle with the flywheel, under a constant torque.
+        bare: The cycle without a flywheel, under a constant torque; None if there is none.
+        motor: The motor, if there is one.
+        driven: The cycle with the flywheel, under the motor; None if there is none.
+    """
+
+    period: Period
+    fluctuation: float
+    added: float
+    energy: float
+    steady: Cycle
+    bare: Cycle | None
+    motor: Motor | None
+    driven: Cycle | None
+
+    @property
+    def torque(self) -> float:
+        """Mean torque, N m."""
+        return self.period.mean_power / self.period.speed
+
+    def keeps(self, cycle: Cycle | None) -> bool:
+        """Returns whether a cycle has the mean speed and at most the fluctuation.
+
+        A mean speed within half of the allowed fluctuation counts.
+        """
+        if cycle is None or cycle.fluctuation > _SLIGHTLY * self.fluctuation:
+            return False
+        return abs(cycle.speed / self.period.speed - 1) <= 0.5 * self.fluctuation
+
+
+def size_flywheel(
+    period: Period, motor: Motor | None, fluctuation: float, name: str, files: Pictures
+) -> list[str]:
+    """Sizes a flywheel for a mechanism, draws its effect, and checks the motor, if any.
+
+    Args:
+        period: The motion at a constant speed.
+        motor: The motor, if there is one.
+        fluctuation: Allowed difference between the largest and the smallest speed, relative to
+            the mean speed.
+        name: Name of the parameter file.
+        files: The files of the picture.
+
+    Returns:
+        The summary, line by line.
+
+    Raises:
+        LinkageError: No flywheel gives this fluctuation.
+        OSError: The picture cannot be written.
+    """
+    crank, speed = Crank(period.solver.mechanism), period.speed
+    added = crank.inertia_for(fluctuation, speed)
+    bare, without = _attempt(crank, speed, 0.0)
+    driven, words = _attempt(crank, speed, added, motor) if motor else (None, '')
+    found = _Sizing(
+        period, fluctuation, added, crank.energy(speed), crank.cycle(speed, added), bare, motor,
+        driven,
+    )  # fmt: skip
+    missed = _missed(crank, found, motor) if motor and not found.keeps(driven) else ''
+    _draw(found, name, missed, files)
+    without = f'{bare.fluctuation:.4g}' if bare else without
+    stored, total = rounded(found.energy), found.energy / (fluctuation * speed**2)
+    lines = [
+        _demand(period, 'driving_torque', found.torque),
+        _demand(period, 'driving_power', period.mean_power),
+        f'fluctuation {fluctuation:g}: add {added:.5g} kg m^2 to the crank (without: {without})',
+        f'to first order: {stored} J between the extremes, {total:.5g} kg m^2 in total',
+    ]
+    if motor:
+        needed = f'and the cycle needs {rounded(found.torque)} N m'
+        lines += [
+            f'{motor}: {rounded(motor.at(speed))} N m at this speed, {needed}',
+            f'with the flywheel: {words}',
+            f'without: {_attempt(crank, speed, 0.0, motor)[1]}',
+        ]
+    return [*lines, missed] if missed else lines
+
+
+def _missed(crank: Crank, found: _Sizing, motor: Motor) -> str:
+    """Says that the motor does not keep speed and fluctuation, and what would."""
+    period, needs = found.period, list[str]()
+    try:
+        inertia = crank.inertia_for(found.fluctuation, period.speed, motor)
+        if found.keeps(crank.cycle(period.speed, inertia, motor)):
+            needs.append(f'{inertia:.4g} kg m^2')
+    except LinkageError:
+        pass  # no flywheel helps
+    try:
+        stronger = crank.motor_for(period.speed, found.added, motor)
+        torque = f'a motor torque of {rounded(stronger.torque)} N m'
+        inertia = crank.inertia_for(found.fluctuation, period.speed, stronger)
+        more = f' with {inertia:.4g} kg m^2' if inertia > _SLIGHTLY * found.added else ''
+        needs.append(torque + more)
+    except LinkageError:
+        pass  # no torque helps
+    asked = f'{rounded(_RPM * period.speed)} rpm with fluctuation {found.fluctuation:g}'
+    cure = f'needs {" or ".join(needs)}' if needs else 'needs another motor'
+    return f'NOT kept: {asked}; {cure}'
+
+
+def _demand(period: Period, name: str, average: float) -> str:
+    """Describes peak, rms and mean of torque or power at a constant speed."""
+    unit, values = period.columns[name]
+    size = extent(period.crank, values)
+    return (
+        f'{name.replace("_", " ")}: peak {rounded(_peak(size))} {unit}, '
+        f'rms {rounded(size.rms)} {unit}, mean {rounded(average + 0.0)} {unit}'
+    )
+
+
+def _peak(size: Extent) -> float:
+    return max(-size.low, size.high) + 0.0
+
+
+def _attempt(
+    crank: Crank, speed: float, added: float, motor: Motor | None = None
+) -> tuple[Cycle | None, str]:
+    """Computes a cycle; returns it with a description, or None with the reason for failure."""
+    try:
+        cycle = crank.cycle(speed, added, motor)
+    except LinkageError as error:
+        return None, str(error)
+    at = f'at {rounded(_RPM * cycle.speed)} rpm, fluctuation {cycle.fluctuation:.4g}'
+    return cycle, f'the motor drives the cycle {at}'
+
+
+def _draw(found: _Sizing, name: str, missed: str, files: Pictures) -> None:
+    """Draws a table, and torque and speed over the crank angle; with a motor, also its line."""
+    rows = _rows(found)
+    top = _TOP + _ROWS * (math.ceil(len(rows) / 2) + 2 * bool(missed))
+    count = 3 if found.motor else 2
+    height = top + count * (_HIGH + _TITLE) + _FOOT
+    with chart(files, height, layout=None) as figure:
+        title: dict[str, Any] = {'weight': 'bold', 'fontsize': TEXT, 'va': 'top'}
+        figure.text(0.2 / WIDTH, 1 - 0.12 / height, f'{name}: flywheel', **title)
+        _write_table(figure, rows)
+        if missed:
+            style = title | {'color': fractions(VERMILION)}
+            words = missed.replace('^2', '\N{SUPERSCRIPT TWO}')
+            figure.text(0.2 / WIDTH, 1 - (top - 1.5 * _ROWS) / height, words, **style)
+        wide, draws = WIDTH - _LEFT - _NAMES, (_draw_torques, _draw_speeds, _draw_plane)
+        for i, draw in enumerate(draws[:count]):
+            y = top + i * (_HIGH + _TITLE) + 0.55 * _TITLE
+            axes = figure.add_axes(box(height, _LEFT, y, wide, _HIGH))
+            draw(axes, found)
+            if i < 2:
+                axes.set_xlabel('Crank angle, deg', labelpad=1)
+
+
+def _rows(found: _Sizing) -> list[tuple[str, str]]:
+    """Returns the rows of the table: names and values."""
+    period, bare, driven = found.period, found.bare, found.driven
+    size, power = (
+        extent(period.crank, period.columns[f'driving_{x}'].values) for x in ('torque', 'power')
+    )
+    rows = [
+        ('mean speed', f'{rounded(_RPM * period.speed)} rpm'),
+        ('allowed fluctuation', f'{found.fluctuation:g}'),
+        ('without flywheel', f'{bare.fluctuation:.4g}' if bare else 'no steady cycle'),
+        ('added to the crank', f'{found.added:.5g} kg m\N{SUPERSCRIPT TWO}'),
+        ('surplus of a turn', f'{rounded(found.energy)} J'),
+        ('torque: peak, rms, mean', f'{_listed(_peak(size), size.rms, found.torque)} N m'),
+        ('power: peak, mean', f'{_listed(_peak(power), period.mean_power)} W'),
+    ]
+    if found.motor:
+        speed = (
+            f'{rounded(_RPM * driven.speed)} rpm, fluctuation {driven.fluctuation:.4g}'
+            if driven else 'cannot drive the cycle'
+        )  # fmt: skip
+        rows += [('motor', str(found.motor).removeprefix('motor ')), (DRIVEN, speed)]
+    return rows
+
+
+def _listed(*values: float) -> str:
+    return ', '.join(rounded(value + 0.0) for value in values)
+
+
+def _write_table(figure: Figure, rows: Sequence[tuple[str, str]]) -> None:
+    """Writes names and values in two pairs of columns."""
+    half = math.ceil(len(rows) / 2)
+    for i, (name, value) in enumerate(rows):
+        x, y = 0.2 + 4.9 * (i // half), figure.get_figheight() - _TOP - (i % half + 0.5) * _ROWS
+        style: dict[str, Any] = {'fontsize': NUMBERS, 'transform': figure.dpi_scale_trans}
+        figure.text(x, y, name, color='0.35', **style)
+        figure.text(x + 1.75, y, value, **style)
+
+
+def _draw_torques(axes: Axes, found: _Sizing) -> None:
+    """Plots the torques, and fills the work that the flywheel stores and returns."""
+    period, steady, driven = found.period, found.steady, found.driven
+    taken = period.columns['driving_torque'].values
+    given = np.interp(period.crank, steady.crank, steady.torque)
+    surplus = math.copysign(1.0, period.speed) * (given - taken) > 0
+    light = fractions(mixed(BLUE, WHITE, 0.75))
+    looks: dict[str, dict[str, Any]] = {
+        'surplus, stored': {'where': surplus, 'facecolor': light},
+        'deficit, returned': {
+            'where': ~surplus, 'facecolor': 'white', 'edgecolor': '0.55', 'hatch': '////',
+        },
+    }  # fmt: skip
+    for label, look in looks.items():
+        axes.fill_between(
+            period.marks, taken, given, interpolate=True, linewidth=0, label=label, **look
+        )
+    curves = {NEEDED: (period.marks, taken), STEADY: (_degrees(steady), steady.torque)}
+    if driven:
+        curves[DRIVEN] = _degrees(driven), driven.torque
+    lines = _plot(axes, curves)
+    over(axes, period, 'Torque, N m')
+    _explain(axes, lines)
+
+
+def _draw_speeds(axes: Axes, found: _Sizing) -> None:
+    """Plots the speeds, and the band of the allowed fluctuation around them."""
+    cycles = {BARE: found.bare, STEADY: found.steady, DRIVEN: found.driven}
+    low, high = _band(found)
+    axes.axhspan(low, high, color='0.88', label='allowed', zorder=0)
+    curves = {name: (_degrees(x), _RPM * x.velocity) for name, x in cycles.items() if x}
+    lines = _plot(axes, curves)
+    # The speed without a flywheel may be far from the others.
+    shown = [low, high, *(x for name, (_, y) in curves.items() if name != BARE for x in y)]
+    ends, room = axes.get_ylim(), _SHOWN * (high - low)
+    bottom, ceiling = max(ends[0], min(shown) - room), min(ends[1], max(shown) + room)
+    axes.set_ylim(bottom, ceiling)
+    over(axes, found.period, 'Crank speed, rpm')
+    _explain(axes, lines)
+
+
+def _draw_plane(axes: Axes, found: _Sizing) -> None:
+    """Plots torque against speed: the motor, the demand of the mechanism, the operating range."""
+    motor, cycle = found.motor or Motor(), found.driven or found.steady
+    style = _STYLES[DRIVEN if found.driven else STEADY]
+    low, high = _band(found)
+    axes.axvspan(low, high, color='0.88', label='allowed', zorder=0)
+    axes.plot(_RPM * cycle.velocity, cycle.demand, label=NEEDED, **style)
+    point, slope = (_RPM * cycle.speed, motor.at(cycle.speed)), -motor.damping / _RPM
+    thin: dict[str, Any] = {'color': fractions(BLACK), 'linewidth': 0.9}
+    axes.axline(point, slope=slope, label="the motor's line", **thin)
+    if found.driven:
+        thick = style | {'linewidth': 4.5, 'linestyle': '-', 'solid_capstyle': 'butt'}
+        axes.plot(_RPM * cycle.velocity, cycle.torque, label='operating range', **thick)
+    axes.set_title('Torque, N m', loc='left', fontsize=SMALL, pad=4)
+    axes.set_xlabel('Crank speed, rpm', labelpad=1)
+    round_ticks(axes.xaxis, 'rpm', 8)
+    round_ticks(axes.yaxis, 'N m', 5)
+    _explain(axes, {})
+
+
+def _band(found: _Sizing) -> tuple[float, float]:
+    """Returns the ends of the band of allowed speeds, rpm, around the cycle with the flywheel."""
+    ends = extent(found.steady.crank, found.steady.velocity)
+    middle, half = 0.5 * (ends.low + ends.high), 0.5 * found.fluctuation * abs(found.period.speed)
+    return _RPM * (middle - half), _RPM * (middle + half)
+
+
+def _degrees(cycle: Cycle) -> Any:
+    return np.degrees(cycle.crank)
+
+
+def _plot(axes: Axes, curves: dict[str, tuple[Any, Any]]) -> dict[str, Line2D]:
+    """Plots cases in their styles; returns their lines."""
+    return {name: axes.plot(*points, **_STYLES[name])[0] for name, points in curves.items()}
+
+
+def _explain(axes: Axes, lines: dict[str, Line2D]) -> None:
+    """Writes the names of cases at the right ends of their lines, and explains the rest above."""
+    name_ends(axes, lines, (WIDTH - _LEFT - _NAMES, _HIGH))
+    axes.legend(
+        loc='lower right', bbox_to_anchor=(1.0, 1.02), ncols=4, borderaxespad=0.0, borderpad=0.0
+    )
