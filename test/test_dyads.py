@@ -464,7 +464,7 @@ def test_dyad_that_touches_its_limit_cannot_turn():
         return Solver(carrying(dyad)).reach
 
     assert short(4.000001).turns_fully
-    assert 'in line' in short(4.0).limits[0]
+    assert 'at right angles' in short(4.0).limits[0]
     assert '0.1 m too far' in short(3.9).limits[0]
 
 

@@ -161,14 +161,17 @@ def _in_line(mechanism: Any, dyad: Dyad, crank: float) -> str:
 
 def _words(dyad: Dyad, worst: _Worst) -> str:
     """Describes by how much a dyad does not close."""
-    if worst.margin >= 0:
-        return 'where it is in line'
-    gap = f'{-worst.margin:.3g} m'
+    gap, (link, last) = f'{-worst.margin:.3g} m', dyad.parts
+    path = last if dyad.names or dyad.slider is None else 'the slider'
+    if worst.margin >= -_LEAST * (dyad.first.length if dyad.first else abs(dyad.offset)):
+        if dyad.barrel:
+            return f'where the pins of {link} and {last} are nearest to each other'
+        if dyad.second:
+            return 'where they are in line'
+        return f'where {link} is at right angles to the path of {path}'
     if dyad.slider is not None:
-        link, slider = dyad.parts
         # A drawn pin that carries a further link gives the joint PIN_LINK.
         pin = dyad.pins[0].removesuffix(f'_{link}')
-        path = slider if dyad.names else 'the slider'
         return f'where {pin} is {gap} too far from the path of {path}'
     # Two links have one margin until they are stretched, then one until they are folded.
     is_too_far = dyad.barrel is None and worst.number == 0
