@@ -53,7 +53,7 @@ class Configuration:
         drive: The drive.
         session: Settings for publishing, logging and viewing.
         joints: The robot's joints that are given, by link.
-        given: The drawing that the parameters give; None if they give the mechanism.
+        drawn_mechanism: The mechanism as the parameters draw it; None if they give lengths.
     """
 
     kind: MechanismAndDrive
@@ -61,7 +61,7 @@ class Configuration:
     drive: Drive
     session: Session
     joints: Mapping[str, JointSettings] = field(default_factory=dict)
-    given: Any = None
+    drawn_mechanism: Any = None
 
     def __repr__(self) -> str:
         driven = self.mechanism.structure().driven_link
@@ -76,7 +76,9 @@ class Configuration:
             return kind
         count = len(self.mechanism.structure().links) + 1
         bars = _BARS.get(count, f'{count}-bar')
-        if self.given is not None:  # the names of a drawing's dyads are made from those of links
+        if (
+            self.drawn_mechanism is not None
+        ):  # the names of a drawing's dyads are made from those of links
             dyads = [f'{len(dyads)} dyad{"s" * (len(dyads) > 1)}']
         return f'{bars} ({" + ".join([kind, *dyads])})'
 
@@ -91,7 +93,7 @@ class Configuration:
 
     def parameters(self) -> dict[str, object]:
         """Returns the values of all parameters by name, including defaults."""
-        parts = (self.kind, self.given or self.mechanism, self.drive, self.session)
+        parts = (self.kind, self.drawn_mechanism or self.mechanism, self.drive, self.session)
         flat = {name: value for part in parts for name, value in flatten(part).items()}
         known = {leaf.name for leaf in parameter_leaves(self.kind, flat)}
         own = {name: value for name, value in flat.items() if name in known}
@@ -155,7 +157,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
         drive,
         session,
         build_joints(given),
-        given=None if made is mechanism else made,
+        drawn_mechanism=None if made is mechanism else made,
     )
     session.require_names(mechanism, found.robot_joints)
     _require_frame_joint(found)
@@ -308,9 +310,9 @@ def configuration_of(made: Mechanism | Drawing, rpm: float) -> Configuration:
     Raises:
         ConfigurationError: `MECHANISMS` does not have the class of the mechanism.
     """
-    given = DrawnMechanism(drawing=made) if isinstance(made, Drawing) else None
+    drawn = DrawnMechanism(drawing=made) if isinstance(made, Drawing) else None
     mechanism = made.mechanism() if isinstance(made, Drawing) else made
-    kinds = [name for name, cls in MECHANISMS.items() if type(given or made) is cls]
+    kinds = [name for name, cls in MECHANISMS.items() if type(drawn or made) is cls]
     if not kinds:
         raise ConfigurationError(
             f'{type(made).__name__}: must be in MECHANISMS, which has {", ".join(MECHANISMS)}'
@@ -321,7 +323,7 @@ def configuration_of(made: Mechanism | Drawing, rpm: float) -> Configuration:
         drive = SpeedDrive(rpm=rpm)
     kind = next(name for name, cls in DRIVES.items() if type(drive) is cls)
     return Configuration(
-        MechanismAndDrive(kinds[0], kind), mechanism, drive, Session(), given=given
+        MechanismAndDrive(kinds[0], kind), mechanism, drive, Session(), drawn_mechanism=drawn
     )
 
 

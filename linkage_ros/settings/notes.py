@@ -127,11 +127,11 @@ def _angles(configuration: Configuration) -> Iterator[str]:
 
 def _link_lengths(configuration: Configuration) -> dict[str, float]:
     """Returns lengths by their parameters, m; in a drawing, those of its links."""
-    if configuration.given is None:
+    if configuration.drawn_mechanism is None:
         values = configuration.parameters().items()
         return {n: x for n, x in values if n.endswith('.length') and isinstance(x, float)}
     parts = configuration.mechanism.parts()
-    links = (f'drawing.links.{link.name}' for link in configuration.given.drawing.links)
+    links = (f'drawing.links.{link.name}' for link in configuration.drawn_mechanism.drawing.links)
     return {
         f'{name}.length': part.length
         for name in links
@@ -141,9 +141,9 @@ def _link_lengths(configuration: Configuration) -> dict[str, float]:
 
 def _lengths(configuration: Configuration) -> Iterator[str]:
     lengths = _link_lengths(configuration)
-    if configuration.given is not None and lengths:
+    if configuration.drawn_mechanism is not None and lengths:
         name, value = max(lengths.items(), key=lambda pair: pair[1])
-        unit = configuration.given.drawing.units
+        unit = configuration.drawn_mechanism.drawing.units
         if not _SHORT <= value <= _LONG:
             link = name.split('.')[2]
             yield (
@@ -160,15 +160,15 @@ def _lengths(configuration: Configuration) -> Iterator[str]:
 
 def _pins(configuration: Configuration) -> Iterator[str]:
     """Notes pins of a drawing that are probably in another unit."""
-    if configuration.given is not None:
-        yield from pins_in_another_unit(configuration.given.drawing)
+    if configuration.drawn_mechanism is not None:
+        yield from pins_in_another_unit(configuration.drawn_mechanism.drawing)
 
 
 def _longest(configuration: Configuration) -> float:
     """Returns the length of the longest link, m; of a drawing, at least its width and height."""
     lengths = [*_link_lengths(configuration).values()]
-    if configuration.given is not None:
-        drawing = configuration.given.drawing
+    if configuration.drawn_mechanism is not None:
+        drawing = configuration.drawn_mechanism.drawing
         columns = zip(*drawing.pins.values(), strict=True)
         lengths += [float(UNITS[drawing.units]) * (max(x) - min(x)) for x in columns]
     return max(lengths, default=0)
@@ -177,7 +177,7 @@ def _longest(configuration: Configuration) -> float:
 def _places(configuration: Configuration) -> Iterator[str]:
     """Notes points in mm: centres of mass, and points of loads and dyads."""
     values, longest = configuration.parameters(), _longest(configuration)
-    if configuration.given is not None:
+    if configuration.drawn_mechanism is not None:
         yield from _drawn_places(configuration, longest)
         return
     for name, quantity, _ in leaves(MECHANISMS[configuration.kind.mechanism], values=values):
@@ -194,7 +194,7 @@ def _places(configuration: Configuration) -> Iterator[str]:
 
 def _drawn_places(configuration: Configuration, longest: float) -> Iterator[str]:
     """Notes centres of mass and loads that are far from their links in a drawing."""
-    mechanism, unit = configuration.mechanism, configuration.given.drawing.units
+    mechanism, unit = configuration.mechanism, configuration.drawn_mechanism.drawing.units
     places = [(f'the center of {x}', part.center) for x, part in mechanism.parts().items()
               if getattr(part, 'center', None)]  # fmt: skip
     places += [(f'loads.{load.name}.at', at) for load in mechanism.loads

@@ -179,7 +179,7 @@ def sketch_at(design: Any, period: Period, now: int) -> Sketched:
 
 def _unit(design: Any) -> str:
     """Returns the unit of lengths in a sketch."""
-    given = getattr(getattr(design.given, 'drawing', None), 'units', '')
+    given = getattr(getattr(design.drawn_mechanism, 'drawing', None), 'units', '')
     longest = max(map(abs, _lengths(design.mechanism)))
     return 'mm' if given in {'mm', 'cm'} or (not given and longest < 1) else 'm'
 
@@ -321,7 +321,7 @@ def _zero(sketched: Sketched, j: int) -> complex:
 
 def _springs(sketched: Sketched) -> Iterator[tuple[str, complex, complex]]:
     """Yields the lines of springs, and of cylinders without one: name and both ends, m."""
-    structure, given = sketched.solver.structure, sketched.design.given
+    structure, given = sketched.solver.structure, sketched.design.drawn_mechanism
     in_cylinders = {x.name: x.cylinder for x in getattr(given, 'loads', ()) if _cylinder(x)}
     for one in sketched.design.mechanism.loads:
         if isinstance(one, Spring):
@@ -344,7 +344,7 @@ def _springs(sketched: Sketched) -> Iterator[tuple[str, complex, complex]]:
 def _pins_of_cylinders(sketched: Sketched) -> dict[str, complex]:
     """Returns the places of the fixed pins that only cylinders have, m."""
     drawing, points = (
-        getattr(sketched.design.given, 'drawing', None),
+        getattr(sketched.design.drawn_mechanism, 'drawing', None),
         sketched.solver.structure.points,
     )
     if drawing is None:

@@ -118,7 +118,7 @@ def read_study(path: str) -> Study:
         )
     joint = mechanism.structure().driven_link
     speed = _speed(settings, configuration.drive, joint)
-    columns = _columns(groups, configuration.given or mechanism, speed)
+    columns = _columns(groups, configuration.drawn_mechanism or mechanism, speed)
     constraints = {
         name: _span(f'constraints.{name}', value, _NUMBER)
         for name, value in groups['constraints'].items()
@@ -135,7 +135,8 @@ def read_study(path: str) -> Study:
     point = _point(settings, mechanism)
     chosen = tuple(dict.fromkeys(measures))
     task = Task(
-        mechanism, speed, names, chosen, settings.angles, places, way, point, configuration.given
+        mechanism, speed, names, chosen, settings.angles, places, way, point,
+        configuration.drawn_mechanism,
     )  # fmt: skip
     for name in measures:
         if not MEASURES[name].applies(task):
