@@ -271,6 +271,8 @@ def pins_in_another_unit(drawing: Drawing) -> list[str]:
     If there are many, they may be right, and another pin wrong; none is returned then.
     """
     unit, metre = drawing.units, float(UNITS[drawing.units])
+    if unit == 'in':  # too near to m: by chance, a right pin may be among the others, too
+        return []
     other, factor = ('mm', float(UNITS['mm'])) if unit == 'm' else ('m', 1 / metre)
     found = []
     for name, place in drawing.pins.items():
