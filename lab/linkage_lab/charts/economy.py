@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, NullLocator
 from matplotlib.transforms import Bbox
 
@@ -21,7 +22,6 @@ from linkage_lab import torque_models
 from linkage_lab.output import (
     NUMBERS,
     SMALL,
-    TEXT,
     Pictures,
     chart,
     doubts,
@@ -37,10 +37,9 @@ from linkage_ros.formulas import Array
 from linkage_ros.palette import (
     BLACK,
     BLUE,
-    DARK,
+    GREY,
     ORANGE,
     PURPLE,
-    SKY,
     WHITE,
     Color,
     colors_of,
@@ -61,8 +60,14 @@ _SAMPLES = 2048  # evenly spaced torques: series are fitted to all, tables use a
 _LEAST = 1e-4  # smaller errors are not drawn
 _ROUNDING = 1e-12  # smaller errors are rounding errors
 _ROOM = 0.88  # width of a group of bars, relative to the distance between groups
-_OTHERS = {'gravity': DARK, STATIC: PURPLE}
-_LOADS = ORANGE, SKY  # colours of loads, in turn
+_OTHERS = {'gravity': GREY, STATIC: BLACK}
+_MARKER = 5  # half of the size of a marker, pixels
+_HATCHES = '///', '\\\\\\', 'xxx', '...'  # of loads, in turn
+# Places of a label beside its point that are tried in turn: points, and alignments.
+_BESIDE = (
+    ((-7, 0), 'right', 'center'), ((2, 9), 'left', 'center'), ((7, 0), 'left', 'center'),
+    ((-5, -8), 'right', 'center'), ((2, 15), 'left', 'center'), ((0, -8), 'center', 'top'),
+)  # fmt: skip
 
 
 class _Curve(NamedTuple):
@@ -74,8 +79,6 @@ class _Curve(NamedTuple):
         marker: Shape of the points.
         size: Their size, points.
         color: Their colour.
-        is_numbered_left: Whether the labels of points are to their left, not above them. A table
-            and harmonics may take the same time.
     """
 
     label: str
@@ -83,12 +86,11 @@ class _Curve(NamedTuple):
     marker: str
     size: float
     color: Color
-    is_numbered_left: bool = False
 
 
 _REDUCED = (
     _Curve('harmonics', _HARMONICS, 'o', 5, BLUE),
-    _Curve('nodes of a table', _TABLES, 's', 5, ORANGE, is_numbered_left=True),
+    _Curve('nodes of a table', _TABLES, 's', 5, ORANGE),
     _Curve('two point masses', {POINT_MASSES: ''}, '*', 9, PURPLE),
 )
 
@@ -360,46 +362,44 @@ def _draw(
             axes.grid(visible=False, axis='x')
         _write_table(table, own, terms)
         figure.draw_without_rendering()  # places the labels
-        _thin_out(reduced)
+        _place_labels(reduced)
         table.legend(*reduced.get_legend_handles_labels(), loc='lower left', ncols=2)
 
 
 def _draw_bars(
     axes: Axes, savings: Sequence[Saving], terms: Sequence[str], colors: Mapping[str, Color]
 ) -> None:
-    """Draws the errors without each term, and the speed above which inertia dominates."""
+    """Draws the errors without each term, and whether weights or inertia dominate."""
     speeds = list(dict.fromkeys(x['rpm'] for x in savings))
-    width, loads = _ROOM / len(terms), itertools.cycle(_LOADS)
+    width, hatches = _ROOM / len(terms), itertools.cycle(_HATCHES)
     for i, name in enumerate(terms):
         places = np.arange(len(speeds)) + (i + 0.5) * width - _ROOM / 2
         errors = [x['error'] for x in savings if x['left_out'] == name]
         group, _, part = name.partition('.')
         color = _OTHERS.get(group) or colors.get(group)
-        is_load = color is None
-        color = color or next(loads)
+        shown = color or WHITE  # a load
         for place, error in zip(places, errors, strict=True):
             if error < _LEAST:  # too low to be drawn
-                words = '0' if error < _ROUNDING else f'{error:.0e}'
-                axes.text(place, 1.2 * _LEAST, words, ha='center', fontsize=NUMBERS,
-                          rotation=0 if words == '0' else 90)  # fmt: skip
+                word = '0' if error < _ROUNDING else '<'
+                axes.text(place, 1.15 * _LEAST, word, ha='center', fontsize=NUMBERS)
         axes.bar(
-            places, np.maximum(errors, _LEAST), width, label=name, hatch='///' if is_load else '',
-            color=fractions(mixed(color, WHITE, 0.55) if part else color),
-            edgecolor=fractions(mixed(color, BLACK, 0.4)),
+            places, np.maximum(errors, _LEAST), width, label=name,
+            hatch='' if color else next(hatches), edgecolor=fractions(mixed(shown, BLACK, 0.4)),
+            color=fractions(mixed(shown, WHITE, 0.55) if part else shown),
         )  # fmt: skip
-    rpm = handover(savings) or 0.0
-    if 0 < speeds[0] < rpm < speeds[-1]:
-        at = float(np.interp(rpm, speeds, range(len(speeds))))
-        axes.axvline(at, color=fractions(BLACK), linewidth=0.9, linestyle=(0, (4, 3)))
-        inertia = f'  inertia dominates, from {rpm:.3g} rpm on'
-        for words, side in (('weights dominate  ', 'right'), (inertia, 'left')):
-            axes.text(at, 1.01, words, ha=side, va='bottom', transform=axes.get_xaxis_transform())
-    axes.set_xticks(range(len(speeds)), [f'{rpm:g} rpm' for rpm in speeds], fontsize=TEXT)
+    title, equal = 'Torque error, share of the peak torque', handover(savings)
+    names = [f'{rpm:g} rpm' for rpm in speeds]
+    if equal:
+        title += f'; weights and inertia are equal at {equal:.3g} rpm'
+        words = 'weights dominate', 'inertia dominates'
+        names = [f'{rpm:g} rpm\n{words[abs(rpm) > equal]}' for rpm in speeds]
+    axes.set_xticks(range(len(speeds)), names, fontsize=SMALL)
     axes.tick_params(axis='x', length=0)
-    axes.set(xlim=(-0.5, len(speeds) - 0.5), ylabel='Torque error, share of the peak torque')
+    axes.set_xlim(-0.5, len(speeds) - 0.5)
+    axes.set_title(title, loc='left')
     axes.legend(
-        title='left out', title_fontsize=SMALL, loc='center left', bbox_to_anchor=(1.0, 0.5),
-        labelspacing=0.35,
+        title='left out\n(0: no error,\n<: below the axis)', title_fontsize=SMALL,
+        loc='center left', bbox_to_anchor=(1.0, 0.5), labelspacing=0.35,
     )  # fmt: skip
 
 
@@ -416,32 +416,48 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
             times, errors, color=fractions(curve.color), linewidth=0.9, marker=curve.marker,
             markersize=curve.size, label=curve.label,
         )  # fmt: skip
-        offset, side = ((-6, 1), 'right') if curve.is_numbered_left else ((1, 8), 'left')
         for saving, time_taken, error in zip(shown, times, errors, strict=True):
+            words = str(curve.models[saving['left_out']])
             axes.annotate(
-                str(curve.models[saving['left_out']]), (time_taken, error), xytext=offset,
-                textcoords='offset points', fontsize=NUMBERS, ha=side, va='center',
-            )  # fmt: skip
+                words,
+                (time_taken, error),
+                xytext=(0, 0),
+                textcoords='offset points',
+                fontsize=NUMBERS,
+            )
     axes.axvline(full, color=fractions(BLACK), linewidth=1.2, label='full model')
     axes.set(
-        xscale='log', ylabel='Torque error of reduced models',
+        xscale='log',
         xlabel=f'Time to compute one torque at {own[0]["rpm"]:g} rpm, \N{MICRO SIGN}s',
     )  # fmt: skip
+    axes.set_title('Torque error of reduced models', loc='left')
     axes.margins(x=0.08)
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.xaxis.set_major_formatter('{x:g}')
     axes.xaxis.set_minor_locator(NullLocator())
 
 
-def _thin_out(axes: Axes) -> None:
-    """Hides the labels that would lie over earlier ones."""
-    kept = list[Bbox]()
-    for text in axes.texts:
-        box = text.get_window_extent()
-        if box.count_overlaps(kept):
-            text.set_visible(False)
+def _place_labels(axes: Axes) -> None:
+    """Moves labels to where they cover no line and no other label; hides those without a place."""
+    markers = [
+        line.get_transform().transform(line.get_xydata())
+        for line in axes.lines if line.get_marker() != 'None'
+    ]  # fmt: skip
+    kept = [Bbox([point - _MARKER, point + _MARKER]) for points in markers for point in points]
+    paths = [line.get_transform().transform_path(line.get_path()) for line in axes.lines]
+    for text in filter(Text.get_text, axes.texts):
+        for offset, side, height in _BESIDE:
+            text.set(position=offset, ha=side, va=height)
+            box = text.get_window_extent()
+            is_free = not (
+                box.count_overlaps(kept)
+                or any(path.intersects_bbox(box, filled=False) for path in paths)
+            )
+            if is_free:
+                kept.append(box)
+                break
         else:
-            kept.append(box)
+            text.set_visible(False)
 
 
 def _write_table(axes: Axes, own: Sequence[Saving], terms: Sequence[str]) -> None:
