@@ -325,7 +325,7 @@ def test_labels_of_reduced_models_are_inside_and_not_over_each_other(
     words = 'economy', 'wiper', '--rpm', '45', '--quick', '--out', tmp_path
     assert called(command_line, *words)[0] == 0
     _, reduced, _ = figures[0].axes
-    texts = [text for text in reduced.texts if text.get_visible()]
+    texts = [text for text in reduced.texts if text.get_visible() and text.get_text()]
     boxes = [text.get_window_extent() for text in texts]
     assert {'1', '32', '8', '64'} <= {text.get_text() for text in texts}
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))

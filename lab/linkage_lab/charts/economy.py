@@ -361,9 +361,9 @@ def _draw(
             axes.yaxis.set_major_formatter('{x:g}')
             axes.grid(visible=False, axis='x')
         _write_table(table, own, terms)
-        figure.draw_without_rendering()  # places the labels
-        _place_labels(reduced)
         table.legend(*reduced.get_legend_handles_labels(), loc='lower left', ncols=2)
+        figure.draw_without_rendering()  # places the axes
+        _place_labels(reduced)
 
 
 def _draw_bars(
@@ -419,12 +419,9 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
         for saving, time_taken, error in zip(shown, times, errors, strict=True):
             words = str(curve.models[saving['left_out']])
             axes.annotate(
-                words,
-                (time_taken, error),
-                xytext=(0, 0),
-                textcoords='offset points',
-                fontsize=NUMBERS,
-            )
+                words, (time_taken, error), (0, 0), textcoords='offset points', fontsize=NUMBERS,
+                in_layout=False,
+            )  # fmt: skip
     axes.axvline(full, color=fractions(BLACK), linewidth=1.2, label='full model')
     axes.set(
         xscale='log',
