@@ -8,16 +8,18 @@ Public: other packages may import this module.
 import argparse
 import atexit
 import io
+import itertools
 import json
 import math
 import os
+import re
 import signal
 import sys
 import textwrap
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any, NamedTuple, NoReturn, TypeAlias
@@ -30,7 +32,8 @@ from linkage_ros.errors import (
     import_failure,
     one_line,
 )
-from linkage_ros.quantities import Quantity, shown
+from linkage_ros.files import path_exists
+from linkage_ros.quantities import Quantity, did_you_mean, shown
 
 # Option names, `Quantity` of a numeric option, and keyword arguments for argparse.
 Option: TypeAlias = tuple[tuple[str, ...], Quantity | None, dict[str, Any]]
@@ -51,8 +54,21 @@ class Parser(argparse.ArgumentParser):
     """Argument parser that reports an error in one line, without the usage text."""
 
     def error(self, message: str) -> NoReturn:
-        """Prints the error and ends the program with exit code 2."""
-        self.exit(2, f'{self.prog}: {one_line(message)}; see {self.prog} --help\n')
+        """Prints the error, what was probably meant, and ends the program with exit code 2."""
+        choice = re.search("invalid choice: '(.*)' \\(choose from (.*)\\)", message)
+        hint = did_you_mean(choice[1], re.findall(r"[^', ]+", choice[2])) if choice else ''
+        if message.startswith('unrecognized arguments'):
+            hint = _quotes_hint(sys.argv[1:])
+        self.exit(2, f'{self.prog}: {one_line(message + hint)}; see {self.prog} --help\n')
+
+
+def _quotes_hint(words: Sequence[str]) -> str:
+    """Suggests quotes if words of a command line together are the name of a file."""
+    for start, end in itertools.combinations(range(len(words) + 1), 2):
+        name = ' '.join(words[start:end])
+        if end - start > 1 and path_exists(name):
+            return f'; write quotes around a name with spaces: "{name}"'
+    return ''
 
 
 def make_parser(

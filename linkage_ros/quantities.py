@@ -11,11 +11,12 @@ Public: other packages may import this module.
 
 import dataclasses
 import decimal
+import difflib
 import functools
 import math
 import re
 import typing
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import MISSING, dataclass
 from numbers import Real
 from typing import Any, NamedTuple, TypeVar
@@ -120,6 +121,8 @@ class Quantity:
         texts = [x for x in items if isinstance(x, str) and self._number(x) is None]
         if self.kind == 'text' and items is value:
             return ', not a list'
+        if self.kind == 'choice':
+            return did_you_mean(str(value), self.choices)
         if self.kind not in {'number', 'whole', 'pair', 'list'} or not texts:
             return ''
         text = texts[0]
@@ -127,6 +130,8 @@ class Quantity:
             return hint
         if self.kind in {'pair', 'list'} and text.startswith('['):  # as of `ros2 param set`
             return '; do not mix whole numbers with others: [0.0, -9.81]'
+        if re.fullmatch(_DECIMAL, text):
+            return f'; write {text} without quotes'
         degrees = _MISSPELT_DEGREES.fullmatch(text)
         if not self._is_angle:
             return '; only angles in rad may be given in degrees' if degrees else ''
@@ -220,6 +225,22 @@ def shown(value: object) -> str:
     return shortened(' '.join(repr(value).split()), _LONGEST)
 
 
+def did_you_mean(given: str, valid: Iterable[str]) -> str:
+    """Returns '; did you mean NAME?' if a name resembles a valid one, otherwise ''.
+
+    Args:
+        given: The misspelt name; capital letters, and `-` or a space for `_`, do not count.
+        valid: The valid names.
+    """
+    names = {_plain(name): name for name in valid}
+    found = difflib.get_close_matches(_plain(given[:_LONGEST]), names, n=1, cutoff=0.75)
+    return f'; did you mean {names[found[0]]}?' if found else ''
+
+
+def _plain(name: str) -> str:
+    return name.lower().replace('-', '_').replace(' ', '_')
+
+
 def require_name(what: str, name: str) -> None:
     """Rejects a name that parameters cannot hold.
 
@@ -264,6 +285,8 @@ def unknown_name(name: str, owner: str, valid: Collection[str], where: str) -> s
     hint = f'; {group} has {", ".join(words)}' if words else ''
     if words and group == name:
         hint += f'; write {name}: {{{words[0]}: ...}}'
+    else:
+        hint += did_you_mean(name, valid)
     return f'{shown(name)} is not a parameter of {owner}{hint}; {where} lists all'
 
 

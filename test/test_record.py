@@ -297,7 +297,7 @@ BAD_FILES = {
     'value missing': (layout(crank='{mass: 1.0}'), r'crank.length is missing: must be a number'),
     'name misspelt': (layout(crank='{lenght: 0.1}'), r'crank has length, mass'),
     'tab': ('/**:\n\tros__parameters:\n', r'line 2: a tab; indent with spaces'),
-    'binary': (bytes(range(256)) * 16, 'not YAML'),
+    'binary': (bytes(range(256)) * 16, 'is not a text file'),
     'measured crank': (
         json.dumps({'/**': {'ros__parameters': FOLLOWED}}),
         'run linkage_node, or give linkage_record --measured BAG',
@@ -349,7 +349,7 @@ def test_a_degenerate_but_possible_file_is_recorded(called, out, params, text):
             ([name, 'run.mcap'], f"no preset '{re.escape(name)}': choose one of .*quadrilateral")
             for name in ('pentagon', 'quadrilatera', '*')
         ),
-        (['missing.yaml', 'run.mcap'], 'missing.yaml: No such file or directory'),
+        (['missing.yaml', 'run.mcap'], 'missing.yaml: no such file'),
         (['.', 'run.mcap'], 'Is a directory'),
         (['quadrilateral', '/proc/missing/run.mcap'], 'cannot be written'),
         (['quadrilateral', '.', '--overwrite'], '. is a folder: add a file name'),

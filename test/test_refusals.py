@@ -143,7 +143,7 @@ LINES = [
     (partial(configured, FOUR, 'joint_prefix', 'a-'),
      "joint_prefix = 'a-': must be text of the form [A-Za-z0-9_]*"),
     (partial(configured, FOUR, 'assembly', 'Open'),
-     "assembly = 'Open': must be one of open, crossed"),
+     "assembly = 'Open': must be one of open, crossed; did you mean open?"),
     (partial(configured, FOUR, 'crank', 0.1),
      ("'crank' is not a parameter of a four_bar; crank has length, mass, inertia, center; write "
      'crank: {length: ...}; linkage_record --help-parameters lists all')),

@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 
 from linkage_ros import cli, preset_names
-from linkage_ros.quantities import Quantity, shown
+from linkage_ros.quantities import Quantity, did_you_mean, shown
 
 _NAME = 'linkage_chart'
 FORMATS = 'png', 'svg', 'pdf'
@@ -34,6 +34,15 @@ def _formats(text: str) -> tuple[str, ...]:
     if not set(given) <= set(FORMATS):
         raise argparse.ArgumentTypeError(f'{shown(text)}: must be of {",".join(FORMATS)}')
     return given
+
+
+def _quantity(text: str) -> str:
+    if text not in QUANTITIES:
+        hint = did_you_mean(text, QUANTITIES) or '; PARAMS must be before --show'
+        raise argparse.ArgumentTypeError(
+            f'{shown(text)}: must be of {", ".join(QUANTITIES)}{hint}'
+        )
+    return text
 
 
 _OUT: cli.Option = (('--out',), None, {
@@ -121,7 +130,7 @@ def _parser() -> argparse.ArgumentParser:
                           'mean, that a flywheel must keep', '', 1e-6, 1.0),
                  {'metavar': 'F', 'note': '; sizes the flywheel and checks the motor'}),
                 (('--show',), None,
-                 {'nargs': '+', 'choices': QUANTITIES, 'default': DEFAULT, 'metavar': 'Q',
+                 {'nargs': '+', 'type': _quantity, 'default': DEFAULT, 'metavar': 'Q',
                   'help': f'diagrams to draw, of {", ".join(QUANTITIES)} (default '
                   f'{" ".join(DEFAULT)})'}),
                 (('--csv',),

@@ -494,8 +494,13 @@ def test_diagrams_of_several_mechanisms_have_titles(tmp_path, called):
         (['motion', 'wind_pump', '--rpm', '-5'], '--rpm = -5: must be above 0 rpm, because'),
         (['motion', 'wind_pump', '--rpm', '0'], '--rpm = 0: must be above 0 rpm, because'),
         (['motion', 'wiper', '--format', 'jpg'], "--format: 'jpg': must be of png,svg,pdf"),
-        (['motion', 'wiper', '--show', 'x'], "--show: invalid choice: 'x' (choose from 'position"),
-        (['motion', 'wiper', 'wiper'], 'wiper, wiper: give each file another name'),
+        (
+            ['motion', 'wiper', '--show', 'x'],
+            'point; PARAMS must be before --show',
+        ),
+        (['motion', '--show', 'torque', 'wiper'], "'wiper': must be of position, "),
+        (['motion', 'wiper', 'out.png'], 'out.png: give parameter files alone'),
+        (['motion', 'wiper', 'wiper'], 'wiper is given twice: give each file another name'),
         (
             ['motion', 'wiper', 'press', '--fluctuation', '0.1'],
             '2 mechanisms: must be at most 7, and only one with --fluctuation',
@@ -503,7 +508,7 @@ def test_diagrams_of_several_mechanisms_have_titles(tmp_path, called):
         (['motion', *map(str, range(8))], '8 mechanisms: must be at most 7'),
         (
             ['movie', 'wiper', 'wiper.png'],
-            'wiper.png: must end with .html, .gif or, with ffmpeg installed, .mp4',
+            'wiper.png: must end with .html, .gif or .mp4',
         ),
         (['movie', 'wiper', '/proc/nowhere/wiper.gif'], 'cannot be written'),
         (['movie', 'wiper', 'wiper.gif', '--rpm', '0'], 'the crank is at rest'),

@@ -5,13 +5,17 @@
 Presets are not package data, because `colcon build --symlink-install` does not install it.
 """
 
+import itertools
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.files import path_exists
-from linkage_ros.quantities import shown
+from linkage_ros.quantities import did_you_mean, shown
+
+_MOST_FILES = 1000  # of a folder that are compared with a misspelt name
 
 DEFAULT_PRESET = 'quadrilateral'
 
@@ -39,7 +43,8 @@ def preset_path(name: str) -> Path:
             'none: share/linkage_ros/config is missing; install with `pip install .` or `colcon '
             'build`'
         )
-        raise ConfigurationError(f'no preset {shown(name)}: choose one of {known}')
+        hint = _similar(name, Path())
+        raise ConfigurationError(f'no preset {shown(name)}: choose one of {known}{hint}')
     return presets[name]
 
 
@@ -50,11 +55,34 @@ def find_file(source: str) -> Path:
         source: Path of a ROS 2 parameter file, or name of a preset.
 
     Returns:
-        Path of the file; if `source` is a path, the file may not exist.
+        Path of the file.
+
+    Raises:
+        ConfigurationError: There is no such file or preset.
     """
     path = Path(source)
-    is_path = source and (path.suffix or path_exists(path))  # '' would be the current folder
-    return path if is_path else preset_path(source)
+    if not source or not (path.suffix or path_exists(path)):  # '' would be the current folder
+        return preset_path(source)
+    if not path_exists(path):
+        hint = _similar(path.name, path.parent)
+        file = source if source.isprintable() else repr(source)
+        raise ConfigurationError(f'{file}: no such file; give the path of a parameter file{hint}')
+    return path
+
+
+def _similar(name: str, folder: Path) -> str:
+    """Suggests the preset, or the parameter file in a folder, that a misspelt name resembles."""
+    files = list[str]()
+    with suppress(OSError, ValueError):  # the folder may be missing
+        entries = itertools.islice(os.scandir(folder), _MOST_FILES)
+        files = [entry.name for entry in entries if entry.name.endswith(('.yaml', '.yml'))]
+    for file in files:
+        if file.startswith(f'{name} '):
+            return f'; did you mean "{file}"? Write quotes around a name with spaces'
+    presets = _presets()
+    if Path(name).stem in presets:
+        return f'; did you mean {Path(name).stem}? Presets have no .yaml'
+    return did_you_mean(name, [*presets, *files])
 
 
 def _presets() -> dict[str, Path]:

@@ -132,7 +132,7 @@ class _Reader:
 
     def __init__(self, path: Path | str, kind: str, layout: str) -> None:
         self.file = str(path) if str(path).isprintable() else repr(str(path))
-        self.layout, self.line = layout, 1
+        self.layout, self.line, self.kind = layout, 1, kind
         # Lists that mix whole numbers with others, each by its name and line, as floats.
         self.mixed: dict[tuple[str, int], list[float]] = {}
         try:
@@ -145,6 +145,10 @@ class _Reader:
             raise ConfigurationError(
                 f'{self.file} is a log, not a {kind} file: linkage_replay shows it, and '
                 'linkage_log info prints the parameters of its run'
+            )
+        if b'\0' in self.data and not self.data.startswith((b'\xff\xfe', b'\xfe\xff')):  # UTF-16
+            raise ConfigurationError(
+                f'{self.file} is not a text file: give the path of a {kind} file'
             )
         self.events = yaml.parse(self.data, Loader=CSafeLoader)
 
@@ -260,6 +264,10 @@ class _Reader:
 
     def not_yaml(self, reason: str) -> ConfigurationError:
         """Returns an error for the reason of a YAML parser."""
+        if not self.file.endswith(('.yaml', '.yml')):
+            return ConfigurationError(
+                f'{self.file}: line {self.line} is not YAML ({reason}); is it a {self.kind} file?'
+            )
         is_indented_wrongly = 'expected key' in reason
         cure = 'check the indentation of' if is_indented_wrongly else 'correct'
         return self.syntax_error(f'not YAML in UTF-8 ({reason}); {cure} this line')

@@ -27,6 +27,7 @@ from linkage_lab.charts.curves import (
 )
 from linkage_lab.charts.linkage_picture import WIDE, proportion
 from linkage_lab.charts.sketch import Sketched, draw_sketch, sketch_at
+from linkage_lab.command_line import FORMATS
 from linkage_lab.output import (
     LEADER,
     NAME,
@@ -179,9 +180,16 @@ def _names(options: argparse.Namespace) -> list[str]:
         raise ConfigurationError(
             f'{count} mechanisms: must be at most {most}, and only one with --fluctuation or --csv'
         )
+    for source in map(Path, options.params):
+        if source.suffix in {'.csv', *(f'.{x}' for x in FORMATS)}:
+            raise ConfigurationError(
+                f'{source}: give parameter files alone; pictures and tables are named after them, '
+                'and written into the folder --out'
+            )
     names = [Path(source).stem for source in options.params]
-    if len(set(names)) < count:
-        raise ConfigurationError(f'{", ".join(names)}: give each file another name')
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigurationError(f'{name} is given twice: give each file another name')
     return names
 
 

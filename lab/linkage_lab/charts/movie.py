@@ -51,14 +51,14 @@ def movie(options: argparse.Namespace) -> None:
             with .html, .gif or .mp4, ffmpeg is missing, or the file cannot be written.
     """
     path = new_file(options, options.out)
+    if path.suffix == '.mp4' and not shutil.which('ffmpeg'):
+        raise ConfigurationError(
+            f'{path} needs ffmpeg, which is not installed; install it, or write .html or .gif'
+        )
+    if path.suffix not in {'.html', '.gif', '.mp4'}:
+        raise ConfigurationError(f'{path}: must end with .html, .gif or .mp4')
     design = load(options.params)
     period, (name, about, speed, *_) = period_to_show(options.params, design, options.rpm)
-    if not (
-        path.suffix in {'.html', '.gif'} or (path.suffix == '.mp4' and shutil.which('ffmpeg'))
-    ):
-        raise ConfigurationError(
-            f'{path}: must end with .html, .gif or, with ffmpeg installed, .mp4'
-        )
     if not period.speed:
         raise ConfigurationError('the crank is at rest: a movie needs a speed, such as --rpm 30')
     cli.print_notes([*doubts(design), period.gap_note])

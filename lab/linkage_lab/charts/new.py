@@ -10,7 +10,7 @@ from dataclasses import MISSING
 from linkage_ros import ConfigurationError, TracedPoint
 from linkage_ros.extensions import LOADS
 from linkage_ros.internals import MechanismAndDrive, configure, parameter_leaves
-from linkage_ros.quantities import Leaf, Quantity, leaves, shown
+from linkage_ros.quantities import Leaf, Quantity, did_you_mean, leaves, shown
 
 _COLUMN = 44  # of the comments
 _HUGE = 1e5  # bounds of a range beyond this are not shown
@@ -60,7 +60,10 @@ def new(options: argparse.Namespace) -> None:
         ConfigurationError: The kind is unknown.
     """
     if options.kind not in STARTS:
-        raise ConfigurationError(f'{shown(options.kind)}: must be one of {", ".join(STARTS)}')
+        hint = did_you_mean(options.kind, STARTS)
+        raise ConfigurationError(
+            f'{shown(options.kind)}: must be one of {", ".join(STARTS)}{hint}'
+        )
     print(parameter_file(options.kind))
 
 
