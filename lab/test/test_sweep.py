@@ -3,6 +3,7 @@
 """Sweeps: designs equal machines of their own parameter files, and no results are lost."""
 
 import collections
+import csv
 import io
 import json
 import math
@@ -23,6 +24,7 @@ import numpy as np
 import pytest
 import yaml
 from mechanisms import traced
+from pages import page_files, read
 from scipy.integrate import quad
 from test_law_chart import LIMITED
 
@@ -574,6 +576,27 @@ def test_peaks_against_valves_do_not_depend_on_the_sense_of_rotation():
     measures = 'peak_torque', 'rms_torque', 'shaking_force'
     found = measured(Task(mechanism, 200.0, ('rpm',), measures, 360), table)
     assert found[0] == pytest.approx(found[1], rel=1e-12)
+
+
+def test_a_study_varies_the_numbers_of_a_drawing(run):
+    text = page_files(read('docs/drawings.md'))['press.yaml']
+    Path('press.yaml').write_text(text)
+    study = """
+        base: press.yaml
+        designs: 3
+        ranges: {drawing.pins.Q.0: [139.0, 150.0]}
+        tolerances: {drawing.links.coupler.mass: 0.1}
+        measures: [stroke]
+        """
+    assert run(textwrap.dedent(study))[0] == 0
+    with Path('study.csv').open(newline='') as stream:
+        names, *rows = csv.reader(stream)
+    pin, stroke = (next(i for i, x in enumerate(names) if word in x) for word in ('Q.0', 'stroke'))
+    for row in rows:
+        assert 'Q: [140.0,' in text
+        Path('one.yaml').write_text(text.replace('Q: [140.0,', f'Q: [{float(row[pin])!r},'))
+        low, high = travel(Solver(load('one.yaml').mechanism)).extremes
+        assert float(row[stroke]) == pytest.approx(abs(high - low), rel=1e-9)
 
 
 def test_a_study_of_a_limited_crank_has_a_swing(run):

@@ -14,7 +14,7 @@ from linkage_lab.sweep.designs import RPM, SPEED
 from linkage_lab.sweep.measures import MEASURES, Task, Way
 from linkage_ros import ConfigurationError, Mechanism, load
 from linkage_ros.formulas import Array
-from linkage_ros.internals import new_name, read_yaml, reversals
+from linkage_ros.internals import Configuration, new_name, read_yaml, reversals
 from linkage_ros.quantities import (
     Checked,
     Leaf,
@@ -118,7 +118,7 @@ def read_study(path: str) -> Study:
         )
     joint = mechanism.structure().driven_link
     speed = _speed(settings, configuration.drive, joint)
-    columns = _columns(groups, configuration.drawn_mechanism or mechanism, speed)
+    columns = _columns(groups, configuration, speed)
     constraints = {
         name: _span(f'constraints.{name}', value, _NUMBER)
         for name, value in groups['constraints'].items()
@@ -231,7 +231,7 @@ def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
 
 
 def _columns(
-    groups: Mapping[str, Mapping[str, Any]], mechanism: Any, speed: float | None
+    groups: Mapping[str, Mapping[str, Any]], base: Configuration, speed: float | None
 ) -> list[Leaf]:
     """Returns the parameters in which designs differ, with their ranges.
 
@@ -239,6 +239,7 @@ def _columns(
         ConfigurationError: No parameter is given, or a parameter is unknown, given twice or out of
             range.
     """
+    mechanism = base.drawn_mechanism or base.mechanism
     valid = {leaf.name: leaf for leaf in parameters(mechanism, speed)}
     columns: dict[str, Leaf] = {}
     for group, name in [(x, name) for x in ('ranges', 'tolerances') for name in groups[x]]:
@@ -247,28 +248,28 @@ def _columns(
             raise ConfigurationError(_unknown(name, owner, valid))
         if name in columns:
             raise ConfigurationError(f'{name} has a range and a tolerance: leave one out')
-        _, allowed, base = valid[name]
+        _, allowed, middle = valid[name]
         limits: Any = groups[group][name]
         if group == 'tolerances':
             width: Any = replace(_NUMBER, unit=allowed.unit).clean(f'{group}.{name}', limits)
-            _require_turning(mechanism, name, width)
-            limits = [base - width, base + width]
+            _require_turning(base, name, width)
+            limits = [middle - width, middle + width]
         low, high = _span(f'{group}.{name}', limits, allowed)
-        _require_turning(mechanism, name, (low, high))
-        columns[name] = Leaf(name, replace(allowed, low=low, high=high), base)
+        _require_turning(base, name, (low, high))
+        columns[name] = Leaf(name, replace(allowed, low=low, high=high), middle)
     if not columns:
         raise ConfigurationError('nothing varies: give ranges or tolerances of parameters')
     return [*columns.values()]
 
 
-def _require_turning(mechanism: Mechanism, name: str, value: object) -> None:
+def _require_turning(base: Configuration, name: str, value: object) -> None:
     """Rejects angles in degrees for a parameter of a load on a sliding link.
 
     Raises:
         ConfigurationError: The value has such an angle.
     """
-    loaded = flatten(mechanism).get(f'{name.rpartition(".")[0]}.link')
-    for link in mechanism.structure().links:
+    loaded = base.parameters().get(f'{name.rpartition(".")[0]}.link')
+    for link in base.mechanism.structure().links:
         if link.slides and link.name == loaded:
             refuse_angles(name, value, f'the {loaded}')
 
