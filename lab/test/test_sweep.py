@@ -584,7 +584,7 @@ def test_a_study_varies_the_numbers_of_a_drawing(run):
     study = """
         base: press.yaml
         designs: 3
-        ranges: {drawing.pins.Q.0: [139.0, 150.0]}
+        ranges: {drawing.pins.Q.0: [130.0, 140.0]}
         tolerances: {drawing.links.coupler.mass: 0.1}
         measures: [stroke]
         """
