@@ -75,36 +75,61 @@ def around_gaps(
     good, found = _possible(columns, x, np.flatnonzero(~is_in_line))
     is_gap = ~np.isin(np.arange(len(x)), good)
     (gaps,) = np.nonzero(is_gap)
-    # A change point has two places. Its limits are computed, but not where friction locks.
-    before, after = (np.diff(x, **end) < SAME for end in ({'prepend': x[0]}, {'append': x[-1]}))
-    starts = np.append(False, ~is_gap[:-1])[gaps]
-    ends = np.append(~is_gap[1:], False)[gaps]
-    is_right = before[gaps] | (ends & ~starts)
-    is_known = (before | after)[gaps]
-    way = np.where(is_right, 1.0, -1.0)
+    way, has_limit = _sides(x, is_gap)
     steps = np.unique(np.maximum(_STEPS / speed, _TICKS))[::-1] if speed else _STEPS
     apart = steps[:, None, None] * np.arange(1, 1 + len(_LIMIT))[:, None] * way
-    shape, known = apart.shape, np.broadcast_to(is_known, apart.shape).ravel()
-    rows = _where_possible(columns, (x[gaps] + apart).ravel(), np.flatnonzero(known))
-    beside = {name: row.reshape(shape) for name, row in rows.items()}
+    wanted = np.flatnonzero(np.broadcast_to(has_limit, apart.shape))
+    rows = _where_possible(columns, (x[gaps] + apart).ravel(), wanted)
+    beside = {name: row.reshape(apart.shape) for name, row in rows.items()}
     least = _ROUNDING * max(
         (np.nan_to_num(np.abs(row[-1])).max() for row in beside.values()), default=0.0
     )
-    neighbor = np.clip(np.searchsorted(good, gaps) - np.where(is_right, 0, 1), 0, len(good) - 1)
-    nowhere, filled = np.full(shape, np.nan), dict[str, Column]()
+    neighbor = np.clip(np.searchsorted(good, gaps) - (way < 0), 0, len(good) - 1)
+    nowhere, filled = np.full(apart.shape, np.nan), dict[str, Column]()
     for name, (unit, values) in found.items():
         row = beside.get(name, nowhere)
-        own, other, *_ = row[-1]
-        is_finite = np.abs(own) <= np.maximum(_GROWS * np.abs(other), least)
-        sign = np.where(np.isnan(own), values[neighbor], own)
-        limits = np.einsum('j,ijk->ik', _LIMIT, row)
-        best = 1 + np.nan_to_num(np.abs(np.diff(limits, axis=0)), nan=np.inf).argmin(axis=0)
-        limit = np.take_along_axis(limits, best[None], axis=0)[0]
+        limit, nearest = _limits(row, least), row[-1, 0]
+        sign = np.where(np.isnan(nearest), values[neighbor], nearest)
         full = np.empty(len(x))
         full[good] = values
-        full[gaps] = np.where(is_finite & np.isfinite(limit), limit, np.copysign(np.inf, sign))
+        full[gaps] = np.where(np.isnan(limit), np.copysign(np.inf, sign), limit)
         filled[name] = Column(unit, full)
     return filled, is_gap
+
+
+def _sides(x: Array, is_gap: Any) -> tuple[Array, Any]:
+    """Chooses the side of each gap from which its limit is taken.
+
+    Returns:
+        1.0 for the right side, -1.0 for the left side; and whether the gap is at a change point,
+        which has two places, or at an end. Elsewhere friction locks, and there is no limit.
+    """
+    is_second = np.diff(x, prepend=x[0]) < SAME
+    is_first = np.diff(x, append=x[-1]) < SAME
+    follows_values = np.append(False, ~is_gap[:-1])
+    precedes_values = np.append(~is_gap[1:], False)
+    is_right = is_second | (precedes_values & ~follows_values)
+    return np.where(is_right, 1.0, -1.0)[is_gap], (is_first | is_second)[is_gap]
+
+
+def _limits(row: Array, least: float) -> Array:
+    """Extrapolates a column to gaps.
+
+    Args:
+        row: Values beside the gaps at one, two and three times each distance, the smallest
+            distance last, shape (distances, 3, gaps).
+        least: Values below it are rounding errors.
+
+    Returns:
+        The limit at each gap from the distance at which it changes least; NaN if there is none.
+    """
+    near, far, _ = row[-1]
+    grows = ~(np.abs(near) <= np.maximum(_GROWS * np.abs(far), least))
+    limits = np.einsum('j,ijk->ik', _LIMIT, row)
+    changes = np.nan_to_num(np.abs(np.diff(limits, axis=0)), nan=np.inf)
+    best = 1 + changes.argmin(axis=0)
+    limit = np.take_along_axis(limits, best[None], axis=0)[0]
+    return np.where(grows | ~np.isfinite(limit), np.nan, limit)
 
 
 def _possible(
