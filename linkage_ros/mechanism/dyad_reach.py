@@ -109,25 +109,16 @@ def stroke_of(mechanism: Any, what: str, name: str) -> Stroke:
     """
     reach, structure = reach_of(mechanism), mechanism.structure()
     j = structure.link_index(name, what)
-    found, turn = list[float](), 2 * math.pi
     slide = Program(_slide, Constants((mechanism.chain(), j)), ('crank_angle',))
-    if reach is not None and reach.turns_fully and reach.period_turns == 1:
-        crank = (np.arange(_STEPS + 1) + 0.5) * (turn / _STEPS)
-        falls = slide(crank)[1] < 0
-        at = np.flatnonzero(falls[1:] != falls[:-1])
-        low, high = crank[at], crank[at + 1]
-        for _ in range(_BISECTIONS if len(at) else 0):
-            middle = 0.5 * (low + high)
-            before = (slide(middle)[1] < 0) == falls[at]
-            low, high = np.where(before, middle, low), np.where(before, high, middle)
-        found = high.tolist()
-    if len(found) != 2:
+    has_period = reach is not None and reach.turns_fully and reach.period_turns == 1
+    reversals = _reversals(lambda crank: slide(crank)[1]) if has_period else []
+    if len(reversals) != 2:
         raise ConfigurationError(
             f'{what}: the stroke of {name} has no fixed ends, because the crank cannot turn '
             'fully, or the slider does not reverse once at each end in a turn; use a load over '
             'position, or crank_angle'
         )
-    places = slide(np.array(found))[0].tolist()
+    places = slide(np.array(reversals))[0].tolist()
     link = structure.links[j]
 
     def distance(end: tuple[float, float]) -> float:
@@ -135,7 +126,21 @@ def stroke_of(mechanism: Any, what: str, name: str) -> Stroke:
             return -end[0]
         return float(abs(link.origin + cmath.rect(end[0], link.angle)))
 
-    return Stroke(*sorted(zip(places, found, strict=True), key=distance, reverse=True))
+    ends = sorted(zip(places, reversals, strict=True), key=distance, reverse=True)
+    return Stroke(*ends)
+
+
+def _reversals(rate: Callable[[Any], Any]) -> list[float]:
+    """Finds the crank angles in a turn, rad, at which a rate changes its sign."""
+    crank = (np.arange(_STEPS + 1) + 0.5) * (2 * math.pi / _STEPS)
+    falls = rate(crank) < 0
+    at = np.flatnonzero(falls[1:] != falls[:-1])
+    low, high = crank[at], crank[at + 1]
+    for _ in range(_BISECTIONS if len(at) else 0):
+        middle = 0.5 * (low + high)
+        is_before = (rate(middle) < 0) == falls[at]
+        low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
+    return list(high.tolist())
 
 
 def _slide(constants: Any, crank: Real) -> tuple[Real, Real]:

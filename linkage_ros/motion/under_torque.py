@@ -340,8 +340,9 @@ def all_published(driven: DrivenMechanism, moments: list[tuple[Values, int]]) ->
         return stacked([published(driven, *moment) for moment in moments])
     unwrapped = [driven.position(y, pairs) for y, pairs in moments]
     angles = [driven.wound((place,))[0][0] for place in unwrapped]
-    (_, *y), count = np.array([y for y, _ in moments]).T, len(solver.coordinates)
-    q, u = (np.array(angles), *y[: count - 1]), tuple(y[count - 1 :])
+    rows = np.array([y for y, _ in moments]).T
+    count = len(solver.coordinates)
+    q, u = (np.array(angles), *rows[1:count]), tuple(rows[count:])
     under = driven.conditions
     a = solver.accelerations(q, u, driven.torque(u[0]), under=under)
     state = None if driven.is_usual else solver.state(q, u, a, under=under)
