@@ -76,10 +76,12 @@ def test_record_needs_no_ros_no_viewer_and_no_charts(hide, tmp_path):
     assert (tmp_path / 'run.mcap').read_bytes() == (tmp_path / 'here.mcap').read_bytes()
 
 
-@pytest.mark.parametrize('entry', ['node', 'controller'])
-def test_help_needs_no_ros(hide, entry):
+@pytest.mark.parametrize(
+    ('entry', 'option'), [('node', '--help-parameters'), ('controller', '--help')]
+)
+def test_help_needs_no_ros(hide, entry, option):
     hide(*OF_ROS)
-    done = run(entry, '--help')
+    done = run(entry, option)
     assert (done.returncode, done.stderr) == (0, '')
     assert '  rpm: ' in done.stdout
 

@@ -658,7 +658,7 @@ def run(called, tmp_path, monkeypatch):
         with monkeypatch.context() as patch:
             if not options:
                 patch.setattr(command, 'processes', lambda _: ThreadPoolExecutor(1))
-            return called(command_line, 'sweep', 'study.yaml', *options)
+            return called(command_line, 'sweep', 'study.yaml', '--overwrite', *options)
 
     return run
 
@@ -846,11 +846,11 @@ def test_ctrl_c_leaves_complete_rows_of_measured_designs(run, monkeypatch):
     monkeypatch.setattr(command, 'spread', interrupted)
     code, _, errors = run()
     assert code == 130
-    assert '64 of 200 designs are in study.csv' in errors
-    head, *lines = Path('study.csv').read_text().splitlines()
+    assert '64 of 200 designs are in study_unfinished.csv' in errors
+    head, *lines = Path('study_unfinished.csv').read_text().splitlines()
     assert [int(line.partition(',')[0]) for line in lines] == list(range(65, 129))
     assert {line.count(',') for line in lines} == {head.count(',')}
-    assert sorted(path.name for path in Path().glob('study*')) == ['study.csv', 'study.yaml']
+    assert sorted(x.name for x in Path().glob('study*')) == ['study.yaml', 'study_unfinished.csv']
 
 
 @pytest.mark.parametrize(
