@@ -1,14 +1,16 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Columns of numbers in CSV files of loads and laws, whose first line names them."""
+"""Columns of numbers in CSV files of loads, laws and boards, whose first line names them."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from decimal import Decimal
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from linkage_ros.errors import printable, shortened
 from linkage_ros.files import read_file
 from linkage_ros.quantities import shown
 
@@ -36,6 +38,8 @@ _COLUMNS = {
     'crank_angle_deg': _Column('crank_angle', 'deg', _DEGREE),
     'crank_angle_from_tdc_deg': _Column('crank_angle_from_tdc', 'deg', _DEGREE),
     'time': _Column('time', 's'),
+    'time_ms': _Column('time', 'ms', 1e-3),
+    'time_us': _Column('time', 'us', 1e-6),
     'angle': _Column('angle', 'rad'),
     'angle_deg': _Column('angle', 'deg', _DEGREE),
     'position': _Column('position', 'm'),
@@ -59,6 +63,74 @@ def column_names(*quantities: str) -> str:
         for name, column in _COLUMNS.items()
         if column.quantity in quantities
     )
+
+
+class Place(NamedTuple):
+    """A column of a file.
+
+    Attributes:
+        at: Index of the column.
+        factor: Factor that converts its numbers to SI units.
+    """
+
+    at: int
+    factor: float
+
+    @property
+    def decimal(self) -> Decimal:
+        """The factor as the decimal that prints it."""
+        return Decimal(repr(self.factor))
+
+
+def measured_places(head: Sequence[str], quantity: str, column: str = '') -> dict[str, Place]:
+    """Finds the columns of a measured motion, among any others.
+
+    Args:
+        head: The names of all columns.
+        quantity: What is measured, 'angle' or 'position'.
+        column: Name of its column; by default, that of the quantity. Of other names, those that
+            end with _deg or _mm have this unit.
+
+    Returns:
+        The columns by 'time', 'measured' and, if there is one, 'speed'.
+
+    Raises:
+        ValueError: A column is missing, or several hold the same quantity.
+    """
+    names = [name.strip(' \t"') for name in head]
+    if column and column not in names:
+        raise ValueError(f'has no column {shown(column)}, only {listed(names)}')
+    found = dict[str, list[str]]()
+    for name in names:
+        if (known := _COLUMNS.get(name)) and (not column or known.quantity != quantity):
+            found.setdefault(known.quantity, []).append(name)
+    found['measured'] = [column] if column else found.get(quantity, [])
+    places = {}
+    for key, what in (('time', 'time'), ('measured', quantity), ('speed', 'speed')):
+        given = found.get(key, [])
+        if len(given) > 1:
+            raise ValueError(f'has {" and ".join(given)}: give one of these as --column')
+        if given:
+            factor = _COLUMNS.get(given[0], _of_suffix(given[0])).factor
+            places[key] = Place(names.index(given[0]), factor)
+        elif key != 'speed':
+            cure = '; or give --column NAME' if key == 'measured' else ''
+            if len(names) == 1:
+                cure = '; separate columns by commas'
+            raise ValueError(
+                f'its first line names {listed(names)}: one must be of {column_names(what)}{cure}'
+            )
+    return places
+
+
+def _of_suffix(name: str) -> _Column:
+    factor = {'deg': _DEGREE, 'mm': 1e-3}.get(name.rpartition('_')[2], 1.0)
+    return _Column(name, '', factor)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Lists names for an error message, which may come from any file."""
+    return shortened(', '.join(map(printable, names)), 200) or 'nothing'
 
 
 def read_columns(path: Path | str, quantities: Collection[str]) -> dict[str, list[float]]:

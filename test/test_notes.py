@@ -108,10 +108,18 @@ SMOOTH = (
 )  # fmt: skip
 
 
+def sampled(count, jitter):
+    """Returns times from 0 to 10 s, whose steps differ from their mean by up to 2 x jitter."""
+    times, step = np.linspace(0.0, 10.0, count), 10.0 / (count - 1)
+    errors = np.random.default_rng(1).uniform(-jitter, jitter, count - 2)
+    return np.concatenate([[0.0], times[1:-1] + step * errors, [10.0]])
+
+
 @pytest.mark.parametrize('name', SMOOTH)
 @pytest.mark.parametrize('count', [5, 50, 400])
-def test_smooth_points_are_not_noted(name, count):
-    times = np.linspace(0.0, 10.0, count)
+@pytest.mark.parametrize('jitter', [0.0, 0.3])
+def test_smooth_points_are_not_noted(name, count, jitter):
+    times = sampled(count, jitter)
     assert notes(configure(law(times, smooth(name, times)))) == []
 
 
@@ -127,8 +135,9 @@ def test_smooth_points_are_not_noted(name, count):
     ],
 )
 @pytest.mark.parametrize('name', ['sine', 'quintic rise'])
-def test_rounded_points_are_noted(name, step, count, is_noted):
-    times = np.linspace(0.0, 10.0, count)
+@pytest.mark.parametrize('jitter', [0.0, 0.3])
+def test_rounded_points_are_noted(name, step, count, is_noted, jitter):
+    times = sampled(count, jitter)
     angles = step * np.round(smooth(name, times) / step)
     own = notes(configure(law(times, angles)))
     assert len(own) == is_noted

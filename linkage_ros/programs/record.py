@@ -24,6 +24,7 @@ from linkage_ros.errors import (
 )
 from linkage_ros.files import is_same_file
 from linkage_ros.log.bag import Bag, BagMessage, topic_of
+from linkage_ros.log.measured_table import MeasuredTable
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.ranges import Ranges
@@ -163,11 +164,12 @@ def record_measured(
     bag: Path | str,
     *,
     topic: str = '',
+    column: str = '',
     overwrite: bool = False,
     progress: bool = False,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Answers:
-    """Writes the states that a live run would publish for the measurements of a bag.
+    """Writes the states that a live run would publish for measurements of a bag or a CSV file.
 
     The log also holds the measurements. Their log times are those of the bag, as are the times of
     receipt that replace missing stamps; the log time of a state is that of its measurement.
@@ -175,8 +177,10 @@ def record_measured(
     Args:
         configuration: Configuration of the run, with `drive: follow`.
         path: Path of the new log.
-        bag: An MCAP file, or the folder of a rosbag2 recording.
+        bag: An MCAP file, the folder of a rosbag2 recording, or a CSV file with the columns time
+            and angle or, of a driven slide, position, as in a law of motion.
         topic: Topic of the measurements; by default, the only topic that names the crank.
+        column: Column of the angles or positions in a CSV file that has another name.
         overwrite: Whether to replace an existing log.
         progress: Whether to show a progress bar on stderr.
         stopped: Function called before each batch of states; True ends the record early.
@@ -192,11 +196,12 @@ def record_measured(
     """
     if not configuration.drive.is_measured:
         raise ConfigurationError('--measured needs drive: follow: the bag has the crank angles')
-    simulator, source = Simulator(configuration), Bag(bag)
+    simulator = Simulator(configuration)
+    source, name = _source(simulator, bag, topic, column)
     if any(is_same_file(str(path), str(file)) for file in source.files):
         raise LogError(f'{path} is the bag itself: choose another name')
     crank = cast('MeasuredCrank', simulator.inputs()[MEASURED_JOINT_STATES])
-    name, states = topic_of(source, simulator.crank_joint, topic), 0
+    states = 0
     with (
         LogWriter(path, configuration, overwrite=overwrite) as log,
         cli.progress_bar(total=source.size, wanted=progress, unit='B', unit_scale=True) as bar,
@@ -221,7 +226,36 @@ def record_measured(
     return Answers(states, crank.rejected)
 
 
-def _batches(bag: Bag, name: str, progress: Callable[[int], object]) -> Iterator[list[BagMessage]]:
+def _source(
+    simulator: Simulator, path: Path | str, topic: str, column: str
+) -> tuple[Bag | MeasuredTable, str]:
+    """Opens the measurements; returns them and the name of their topic.
+
+    Raises:
+        ConfigurationError: An option does not apply to the kind of file.
+        LogError: The file cannot be read, or lacks the measurements.
+    """
+    configuration = simulator.configuration
+    if Path(path).suffix != '.csv':
+        if column:
+            raise ConfigurationError('--column names a column of a CSV file: give --measured CSV')
+        bag = Bag(path)
+        return bag, topic_of(bag, simulator.crank_joint, topic)
+    if topic:
+        raise ConfigurationError('--topic names a topic of a bag; of a CSV file, give --column')
+    if configuration.drive.frame_joint_name:
+        raise ConfigurationError(
+            f'{path} has the crank alone, but frame_joint is measured, too: give a bag with both'
+        )
+    slides = simulator.solver.structure.driven_link.slides
+    quantity = 'position' if slides else 'angle'
+    table = MeasuredTable(path, simulator.crank_joint, quantity, column)
+    return table, table.topic.name
+
+
+def _batches(
+    bag: Bag | MeasuredTable, name: str, progress: Callable[[int], object]
+) -> Iterator[list[BagMessage]]:
     """Yields the messages of a topic in batches, also before an error.
 
     Raises:
@@ -360,6 +394,9 @@ def _parser() -> argparse.ArgumentParser:
         (('--topic',), None,
          {'metavar': 'NAME', 'default': '', 'help': 'topic of the joint states in BAG (default: '
           'the only one that names the crank)'}),
+        (('--column',), None,
+         {'metavar': 'NAME', 'default': '', 'help': 'column of the angle in a CSV file (default: '
+          'angle, angle_deg, position or position_mm)'}),
     ))  # fmt: skip
     cli.add_options(parser.add_mutually_exclusive_group(), (
         (('--duration',), _DURATION,
@@ -367,7 +404,8 @@ def _parser() -> argparse.ArgumentParser:
         (('--revolutions',), _REVOLUTIONS, {'metavar': 'N'}),
         (('--measured',), None,
          {'metavar': 'BAG', 'help': 'with drive: follow, an MCAP file or a rosbag2 folder with '
-          'joint states of the crank, each of which gives a state'}),
+          'joint states of the crank, or a CSV file with its time and angle or angle_deg; each '
+          'gives a state'}),
     ))  # fmt: skip
     return parser
 
@@ -381,8 +419,9 @@ def _record(options: argparse.Namespace) -> int:
     cli.print_notes(notes(configuration))
     if options.measured:
         return _record_measured(options, configuration, stop)
-    if options.topic:
-        raise ConfigurationError('--topic names a topic of a bag: give --measured BAG, too')
+    for option in ('topic', 'column'):
+        if getattr(options, option):
+            raise ConfigurationError(f'--{option} is for measurements: give --measured BAG, too')
     count = record(
         configuration,
         options.out,
@@ -414,6 +453,7 @@ def _record_measured(
         options.out,
         options.measured,
         topic=options.topic,
+        column=options.column,
         overwrite=options.overwrite or configuration.session.log_overwrite,
         progress=True,
         stopped=stop.is_set,

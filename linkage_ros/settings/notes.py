@@ -19,6 +19,7 @@ from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.joints import own_joints
 from linkage_ros.motion.drives.law import LawDrive, Prescribed
+from linkage_ros.numeric import Array
 from linkage_ros.quantities import leaves
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.settings.parameters import parameter_leaves
@@ -275,7 +276,8 @@ def _rounding(configuration: Configuration) -> Iterator[str]:
         yield (
             f'the points of motion are rounded or noisy: they give accelerations {excess:.2g} '
             'times those through every fourth point; did you mean fewer points, or points with '
-            'more digits?'
+            'more digits? Of a measured motion, drive: follow and linkage_record --measured '
+            'filter the points'
         )
 
 
@@ -284,18 +286,21 @@ def _roughness(motion: Prescribed) -> float:
 
     Returns:
         Their quotient, rms, if it is due to errors of many points; otherwise 0. It is 0, too, for
-        few points and for times that are not evenly spaced.
+        few points.
     """
     times, places = np.array(motion.times or ()), np.array(motion.places or ())
     if len(times) < _POINTS:
         return 0.0
-    steps = np.diff(times)
-    if steps.max() > 1.01 * steps.min():
-        return 0.0
+    step = (times[-1] - times[0]) / (len(times) - 1)  # mean
 
-    bends = {
-        n: (places[2 * n :] - 2 * places[n:-n] + places[: -2 * n]) / n**2 for n in (1, *_ROUGH)
-    }
+    def bend_over(n: int) -> Array:
+        """Returns the accelerations through points n apart, times the square of the mean step."""
+        rates = (places[n:] - places[:-n]) / (times[n:] - times[:-n])
+        bend: Array = (rates[n:] - rates[:-n]) / (times[2 * n :] - times[: -2 * n])
+        bend *= 2 * step**2
+        return bend
+
+    bends = {n: bend_over(n) for n in (1, *_ROUGH)}
     size = {n: math.sqrt(np.mean(bend**2)) for n, bend in bends.items()}
     travel = math.sqrt(np.mean(np.diff(places) ** 2))
     if size[1] <= _NEGLIGIBLE * travel or not size[4]:
