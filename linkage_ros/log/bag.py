@@ -9,7 +9,7 @@ messages before the damage, and memory holds one chunk at a time.
 import os
 import struct
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
@@ -227,18 +227,18 @@ def topic_of(bag: Bag, joint: str, name: str = '') -> str:
             f'{bag.path} has positions of {joint} on {", ".join(sorted(named))}: '
             'give one of these as --topic'
         )
+    raise LogError(f'{bag.path} has no position of {joint}: {_joints_instead(joint, heard)}')
+
+
+def _joints_instead(joint: str, heard: Mapping[str, bytes]) -> str:
+    """Describes the joints that a bag has instead, given the first message of each topic."""
+    if not heard:
+        return f'it has no {JOINT_STATE.name}'
     names = {topic: _names(data) for topic, data in sorted(heard.items())}
-    found = '; '.join(
-        f'{topic} names '
-        + (', '.join(names[topic]) or 'nothing, or its messages are compressed or damaged')
-        for topic in names
-    )
+    nothing = 'nothing, or its messages are compressed or damaged'
+    found = '; '.join(f'{topic} names {", ".join(own) or nothing}' for topic, own in names.items())
     others = {*chain.from_iterable(names.values())} - {joint}
-    raise LogError(
-        f'{bag.path} has no position of {joint}: '
-        + (found or f'it has no {JOINT_STATE.name}')
-        + ('; give one of these as crank_joint or joints.crank.name' if others else '')
-    )
+    return found + ('; give one of these as crank_joint or joints.crank.name' if others else '')
 
 
 def _names(data: bytes) -> Sequence[str]:

@@ -171,18 +171,27 @@ def robot_joints(
             ratio=1.0 if given.ratio is None else given.ratio,
             is_mapped=any(x is not None for x in (given.zero, given.ratio, given.parent)),
         )
-    for i, link in enumerate(links):
-        above = found[i].parent
-        for _ in links:
-            above = None if above is None else found[above].parent
-        if above is not None:
-            raise ConfigurationError(
-                f'{GROUP}.{link.name}.parent: the parents form a circle; '
-                f'measure one from {FRAME_NAME}'
-            )
+    _require_tree(found, links)
     names = [joint.name for joint in found if joint.name]
     if twice := next((name for name in names if names.count(name) > 1), ''):
         raise ConfigurationError(
             f'two joints are named {shown(twice)}: give each of {GROUP} a name of its own'
         )
     return tuple(found)
+
+
+def _require_tree(joints: Sequence[RobotJoint], links: Sequence[Link]) -> None:
+    """Rejects parents that form a circle.
+
+    Raises:
+        ConfigurationError: They do.
+    """
+    for joint, link in zip(joints, links, strict=True):
+        above = joint.parent
+        for _ in links:  # no way to the frame is longer
+            above = None if above is None else joints[above].parent
+        if above is not None:
+            raise ConfigurationError(
+                f'{GROUP}.{link.name}.parent: the parents form a circle; '
+                f'measure one from {FRAME_NAME}'
+            )

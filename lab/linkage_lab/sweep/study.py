@@ -129,15 +129,18 @@ def read_study(path: str) -> Study:
     measures = [*(listed if isinstance(listed, list) else [listed]), *goals, *constraints]
     if not measures or not MEASURES.keys() >= set(measures):
         raise ConfigurationError(f'measures {shown(measures)}: choose from {", ".join(MEASURES)}')
-    names, points = tuple(leaf.name for leaf in columns), settings.points or ()
-    places = tuple(map(complex, points[::2], points[1::2]))
-    way = _way(settings, configuration.drive, joint)
-    point = _point(settings, mechanism)
-    chosen = tuple(dict.fromkeys(measures))
+    numbers = settings.points or ()
     task = Task(
-        mechanism, speed, names, chosen, settings.angles, places, way, point,
-        configuration.drawn_mechanism,
-    )  # fmt: skip
+        mechanism,
+        speed,
+        names=tuple(leaf.name for leaf in columns),
+        measures=tuple(dict.fromkeys(measures)),
+        angles=settings.angles,
+        points=tuple(map(complex, numbers[::2], numbers[1::2])),
+        way=_way(settings, configuration.drive, joint),
+        point=_point(settings, mechanism),
+        drawing=configuration.drawn_mechanism,
+    )
     for name in measures:
         if not MEASURES[name].applies(task):
             raise ConfigurationError(f'measure {name}: needs {MEASURES[name].words}')
