@@ -131,7 +131,8 @@ class Quantity:
         if self.kind in {'pair', 'list'} and text.startswith('['):  # as of `ros2 param set`
             return '; do not mix whole numbers with others: [0.0, -9.81]'
         if re.fullmatch(_DECIMAL, text):
-            return f'; write {text} without quotes'
+            degrees_too = f'; in degrees, write {text}deg' if self._is_angle else ''
+            return f'; write {text} without quotes{degrees_too}'
         degrees = _MISSPELT_DEGREES.fullmatch(text)
         if not self._is_angle:
             return '; only angles in rad may be given in degrees' if degrees else ''
