@@ -258,13 +258,8 @@ class _Balance:
         slides, parent = self._links[j].slides, self._links[j].parent
         barrel = parent if slides and parent is not None and parent > i else None
         if barrel is not None:
-            (pivot,) = self._pins_of(barrel)
-            outer = self._positions[pivot.name]
-            arm = inner - outer
-            length = sqrt(dot(arm, arm))
-            second = arm * (1.0 / length)
-            across_second = (self.moment(barrel, outer) + self.moment(j, outer)) / length
-        elif slides:
+            second, across_second = self._across_barrel(barrel, j, inner)
+        elif slides:  # a guide exerts no force along itself
             across_second = -dot(self.force(j), second)
             second = second.left()
         else:
@@ -279,6 +274,18 @@ class _Balance:
             self._add_effort(barrel, j, -along)
         if slides and parent is not None:
             self.guide(j)
+
+    def _across_barrel(self, barrel: int, rod: int, pin: Vector) -> tuple[Vector, Real]:
+        """Returns the direction from a barrel's pivot to its rod's pin, and the force across it.
+
+        Barrel and rod are one body for the moments about the pivot.
+        """
+        (pivot,) = self._pins_of(barrel)
+        outer = self._positions[pivot.name]
+        arm = pin - outer
+        length = sqrt(dot(arm, arm))
+        moment = self.moment(barrel, outer) + self.moment(rod, outer)
+        return arm * (1.0 / length), moment / length
 
     def _solve_cylinder(self, i: int, j: int, pin: Pin, pivot: Vector) -> None:
         """Computes the forces in the pin and in the guide of a link j that slides on a link i.
