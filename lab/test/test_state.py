@@ -6,9 +6,10 @@ import csv
 import math
 
 import pytest
+from pages import page_files, read
 
 from linkage_lab import command_line
-from linkage_lab.charts.state import snapshots
+from linkage_lab.charts.state import assemblies, snapshots
 from linkage_ros import Solver, UnreachableError
 from linkage_ros.settings.configuration import configure, load
 
@@ -60,6 +61,16 @@ def test_values_are_those_of_the_solver(preset):
     # Each combination of assemblies is another position.
     loops = {tuple(one.values[f'{x}.position'].value for x in solver.links) for one in found}
     assert len(loops) == len(found) == {'watt': 4, 'shaper': 2, 'compressor': 2}.get(preset, 2)
+
+
+def test_assemblies_of_a_drawing_have_the_names_of_its_links(tmp_path):
+    path = tmp_path / 'scissors.yaml'
+    path.write_text(page_files(read('docs/drawings.md'))[path.name])
+    # A barrel and a rod have one assembly, so the table and its block are not named.
+    assert [words for words, _ in assemblies(load(str(path)).mechanism)] == [
+        f'{loop}, other_bar and foot {dyad}'
+        for loop in ('open', 'crossed') for dyad in ('open', 'crossed')
+    ]  # fmt: skip
 
 
 def test_infinite_forces_at_a_change_point_leave_the_motion():

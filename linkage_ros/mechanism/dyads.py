@@ -250,6 +250,16 @@ class Dyad(Checked):
         return ' and '.join(self.parts) if self.names else f'the dyad {self.name}'
 
     @property
+    def has_assemblies(self) -> bool:
+        """Whether there are two assemblies: not of a barrel and a rod."""
+        return self.barrel is None
+
+    @property
+    def assembly_words(self) -> str:
+        """The assembly, after the links in a drawing, otherwise after the dyad's name."""
+        return f'{" and ".join(self.parts) if self.names else self.name} {self.assembly}'
+
+    @property
     def subject(self) -> str:
         """The dyad as the subject of a sentence, with 'do' or 'does'."""
         return f'{self.title} {"do" if self.names else "does"}'

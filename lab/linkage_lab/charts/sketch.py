@@ -235,7 +235,7 @@ def _kind(sketched: Sketched) -> Iterator[str]:
     added = f', and the dyad{plural} {"; ".join(dyads)}' if dyads else ''
     yield f'{sketched.design.mechanism_words}: {names}{added}'
     loop = ['' if 'assembly' in _unused(mechanism) else f'loop {mechanism.assembly}']
-    assemblies = [f'{x} {dyad.assembly}' for x, dyad in zip(dyads, mechanism.dyads, strict=True)]
+    assemblies = [dyad.assembly_words for dyad in mechanism.dyads if dyad.has_assemblies]
     reach, driven = solver.mobility, solver.structure.driven_link
     if any(shown := [x for x in (*loop, *assemblies) if x]):
         yield f'assemblies: {"; ".join(shown)}'

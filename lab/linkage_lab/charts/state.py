@@ -164,7 +164,10 @@ def assemblies(mechanism: Mechanism) -> Iterator[tuple[str, Mechanism]]:
     loop = [mechanism.assembly]
     if 'assembly' not in mechanism.unused(given):
         loop = _own_first(mechanism.assembly)
-    dyads = [_own_first(dyad.assembly) for dyad in mechanism.dyads]
+    dyads = [
+        _own_first(dyad.assembly) if dyad.has_assemblies else [dyad.assembly]
+        for dyad in mechanism.dyads
+    ]
     for first, *others in itertools.islice(itertools.product(loop, *dyads), _TRIED):
         changed = [
             replace(dyad, assembly=assembly)
@@ -172,7 +175,7 @@ def assemblies(mechanism: Mechanism) -> Iterator[tuple[str, Mechanism]]:
         ]
         changes = {'assembly': first} if len(loop) > 1 else {}
         words = [first] if len(loop) > 1 else []
-        words += [f'{dyad.name} {dyad.assembly}' for dyad in changed]
+        words += [dyad.assembly_words for dyad in changed if dyad.has_assemblies]
         yield (
             ', '.join(words) or 'one assembly',
             replace(cast('Any', mechanism), dyads=tuple(changed), **changes),
