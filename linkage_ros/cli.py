@@ -378,3 +378,22 @@ def waiting(words: str) -> Iterator[None]:
     # Return the cursor to the start of the line, so that other output overwrites it.
     with progress_bar(desc=words, bar_format='{desc}\r'):
         yield
+
+
+@contextmanager
+def working(words: str, after: float = 1.0) -> Iterator[None]:
+    """Shows a line while the block runs, as `waiting` does, if it takes longer than `after`, s."""
+    is_done = threading.Event()
+
+    def show() -> None:
+        if not is_done.wait(after):
+            with waiting(words):
+                is_done.wait()
+
+    line = threading.Thread(target=show, daemon=True)
+    line.start()
+    try:
+        yield
+    finally:
+        is_done.set()
+        line.join()

@@ -4,10 +4,11 @@
 
 import io
 import sys
+import time
 
 import pytest
 
-from linkage_ros.cli import waiting
+from linkage_ros.cli import waiting, working
 
 
 class Output(io.StringIO):
@@ -36,3 +37,17 @@ def test_waiting_line_is_shown_on_a_terminal_and_erased(monkeypatch, is_terminal
         assert output.lines() == [words]
         print('no subscribers yet; --delay S', file=sys.stderr)
     assert output.lines() == ['no subscribers yet; --delay S', '']  # on a line of its own
+
+
+@pytest.mark.parametrize(('is_terminal', 'after', 'is_shown'), [
+    (True, 0.0, True), (True, 1e6, False), (False, 0.0, False),
+])  # fmt: skip
+def test_line_of_slow_work_is_shown_after_a_while_and_erased(
+    monkeypatch, is_terminal, after, is_shown
+):
+    monkeypatch.setattr(sys, 'stderr', output := Output(is_terminal))
+    with working('motion', after):
+        while is_shown and output.lines() != ['motion']:
+            time.sleep(0.001)
+    assert output.lines() == ['']
+    assert bool(output.getvalue()) == is_shown
