@@ -33,7 +33,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.messages.cdr import decode_joint_state
 from linkage_ros.palette import FIRST, SECOND, fractions
-from linkage_ros.run.states import Simulator
+from linkage_ros.run.robot import Robot
 from linkage_ros.settings.presets import preset_path
 from linkage_ros.units import radians_per_second
 
@@ -136,7 +136,7 @@ def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
     difference = verify(log).difference
     assert not difference, difference
     data = b''.join(message.data for message in log.messages(['/joint_states']))
-    columns = Simulator(log.configuration).templates.joint_states.read(data)
+    columns = Robot(log.configuration).templates.of(('',)).joint_states.read(data)
     rows = list(zip(*(column.tolist() for column in columns), strict=True))
     commands = list(log.messages(['/joint_commands']))
     speed, effort = np.array([values[3] for _, values in rows]), np.array([v[6] for _, v in rows])

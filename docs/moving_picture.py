@@ -49,14 +49,14 @@ _COLORS = 64
 _PATIENCE = 30.0  # s, time limit for the viewer to start
 
 
-def _states(configuration: Configuration) -> list[tuple[int, State]]:
+def _states(configuration: Configuration) -> list[tuple[int, dict[str, State]]]:
     """Computes the states of one turn, including the one at its end, with their stamps, ns."""
-    simulator = Simulator(configuration)
+    simulator = Simulator(configuration.only)
     motion = simulator.begin(0)
     stamps = map(
         simulator.ticks.elapsed, range(simulator.ticks.tick_at(round(_TURN * NS_PER_S)) + 1)
     )
-    return [(stamp, simulator.state(motion.at(stamp))) for stamp in stamps]
+    return [(stamp, {'': simulator.state(motion.at(stamp))}) for stamp in stamps]
 
 
 def _blueprint(configuration: Configuration) -> 'rrb.Blueprint':
@@ -64,8 +64,8 @@ def _blueprint(configuration: Configuration) -> 'rrb.Blueprint':
     import rerun as rr
     import rerun.blueprint as rrb
 
-    usual = RerunDrawing(configuration).layout()
-    linkage, plots = usual.root_container.contents
+    usual = RerunDrawing(configuration.only).layout(is_alone=True)
+    linkage, plots = usual.contents
     torque = plots.contents[0].contents[0]
     start, end = (rr.TimeRangeBoundary.absolute(seconds=seconds) for seconds in _SHOWN)
     turn = rr.TimeRange(start=start, end=end)
@@ -120,7 +120,8 @@ def _frames(files: list[Path]) -> Iterator[Image.Image]:
 
 
 def _make(out: Path) -> None:
-    configuration = replace(load('quadrilateral'), drive=SpeedDrive(rpm=_RPM))
+    linkage = replace(load('quadrilateral').only, drive=SpeedDrive(rpm=_RPM))
+    configuration = Configuration((linkage,))
     with tempfile.TemporaryDirectory() as folder:
         recording, blueprint = Path(folder, 'turn.rrd'), Path(folder, 'turn.rbl')
         view = View(configuration, str(recording))

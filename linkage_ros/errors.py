@@ -7,7 +7,7 @@ value, the valid range and a remedy.
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 _LONGEST = 600  # largest length of an error message, characters
 _FULL = 480  # length of a message to which no further mistake is added
@@ -202,6 +202,17 @@ def in_file(path: str) -> Iterator[None]:
         found = type(error)(f'{path}: {str(error).removesuffix(error.lines)}')
         found.lines = error.lines
         raise found from error
+
+
+@contextmanager
+def in_linkage(name: str) -> Iterator[None]:
+    """Adds the name of a linkage to the errors of a block; nothing if it is empty.
+
+    Raises:
+        ConfigurationError: The block raised this error.
+    """
+    with in_file(name) if name else nullcontext():
+        yield
 
 
 class MechanismError(ConfigurationError):

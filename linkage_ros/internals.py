@@ -29,8 +29,8 @@ from linkage_ros.motion.steps import live_steps, record_steps
 from linkage_ros.motion.under_torque import Motor, published
 from linkage_ros.numeric import without_turns, wrap
 from linkage_ros.run.states import Simulator
-from linkage_ros.settings.configuration import Configuration, configuration_of, configure
-from linkage_ros.settings.notes import notes
+from linkage_ros.settings.configuration import Configuration, Linkage, configuration_of, configure
+from linkage_ros.settings.notes import notes_on
 from linkage_ros.settings.old_names import new_name
 from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 from linkage_ros.settings.yaml_file import read_yaml
@@ -38,11 +38,11 @@ from linkage_ros.view.drawing import Drawing
 from linkage_ros.xml_file import read_xml
 
 
-def logged_states(path: Path | str, most: int) -> Any:
-    """Reads the first states of a log; see `linkage_ros.log.tables.logged_states`."""
+def logged_states(path: Path | str, most: int, linkage: str = '') -> Any:
+    """Reads the first states of a linkage in a log; see `linkage_ros.log.tables.logged_states`."""
     from linkage_ros.log import tables  # needs MCAP
 
-    return tables.logged_states(path, most)
+    return tables.logged_states(path, most, linkage)
 
 
 __all__ = [
@@ -54,6 +54,7 @@ __all__ = [
     'DrivenMechanism',
     'FollowMotion',
     'LawMotion',
+    'Linkage',
     'MechanismAndDrive',
     'Model',
     'Motor',
@@ -69,7 +70,7 @@ __all__ = [
     'logged_states',
     'make_urdf',
     'new_name',
-    'notes',
+    'notes_on',
     'parameter_leaves',
     'period_turns',
     'poses',

@@ -8,7 +8,8 @@ runs coverage-guided, use them.
 
 import json
 import math
-from dataclasses import replace
+
+from one_linkage import with_linkage
 
 from linkage_ros.settings.configuration import load
 from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
@@ -74,10 +75,10 @@ def extreme(rng):
     values, scale = configuration.parameters(), 10.0 ** rng.randint(-8, 8)
     if rng.random() < 0.5 and values['drive'] == 'speed':
         values |= {'drive': 'torque', 'motor.torque': 1.0}
-        configuration = replace(
+        configuration = with_linkage(
             configuration, kind=MechanismAndDrive(values['mechanism'], 'torque')
         )
-    leaves = {leaf.name: leaf.quantity for leaf in parameter_leaves(configuration.kind)}
+    leaves = {leaf.name: leaf.quantity for leaf in parameter_leaves(configuration.only.kind)}
     values = {name: value for name, value in values.items() if name in leaves}
     for name in values:
         if leaves[name].unit == 'm' and rng.random() < 0.9:

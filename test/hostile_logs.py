@@ -91,7 +91,7 @@ def whole(*data, behind=b'', times=(0, 1), metadata=(), again=0, channels=1):
     names = ['linkage_ros', 'linkage_ros/motion', *(name for name, _ in metadata)]
     fields = [
         encode_configuration(configuration),
-        encode_motion(Simulator(configuration).begin(0).segment),
+        encode_motion(Simulator(configuration.only).begin(0).segment),
     ]
     fields += [settings for _, settings in metadata]
     interface = JOINT_STATES.interface
@@ -131,7 +131,10 @@ def bombs():
     frame = zeros(1)[:-3] + struct.pack('<I', len(landmark) + 6 + 32 << 3)[:3]
     chain = (landmark[:-4] + frame) * 2_000
     motions = [
-        ('linkage_ros/motion', encode_motion(Simulator(load('quadrilateral')).begin(0).segment))
+        (
+            'linkage_ros/motion',
+            encode_motion(Simulator(load('quadrilateral').only).begin(0).segment),
+        )
     ]
     endless = ('linkage_ros/motion', seal({
         'stamp': '0', 'phase': '1e999999999', 'speed': '0', 'rpm': '1', 'acceleration': '0',

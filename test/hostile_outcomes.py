@@ -52,7 +52,7 @@ def parameter_file(path):
 
     def run():
         configuration = load(str(path))
-        summary(configuration, Simulator(configuration).solver)
+        summary(configuration.only, Simulator(configuration.only).solver)
         duration = min(0.02, 5 / configuration.session.rate_hz)
         record(configuration, path.with_suffix('.mcap'), duration=duration, overwrite=True)
 
@@ -84,7 +84,7 @@ def play(path, words=()):
     log = LogReader(path)
     replay._check(options, log)
     piece = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
-    codec = JointStateCodec(Simulator(log.configuration).joints)
+    codec = JointStateCodec(Simulator(log.configuration.only).joints)
     states = log.channel(JOINT_STATES)
     with feed(log, piece, loop=False) as items:
         for item in items:
@@ -122,10 +122,10 @@ class LiveNode:
 
         self.configuration = configuration
         self.node = ParameterNode('live', context=context, enable_rosout=False)
-        self._simulator = Simulator(configuration)
+        self._simulator = Simulator(configuration.only)
         self.motion = self._simulator.begin(0)
         self._drive, self._stamp = configuration.drive, 0
-        leaves = parameter_leaves(configuration.kind)
+        leaves = parameter_leaves(configuration.only.kind)
         self.node.declare(leaves, configuration.parameters())
         self.node.set_live = self._set
 

@@ -5,6 +5,7 @@
 import itertools
 from dataclasses import replace
 
+from one_linkage import templates_of
 from state_messages import messages_at
 
 from linkage_ros.log.writer import LogWriter
@@ -28,7 +29,7 @@ def moments(simulator, plan):
         The motion, and number and stamp of a tick, both None for a clock step.
     """
     motion, drive, command, t0, tick = (
-        simulator.begin(START), simulator.configuration.drive, None, START, 0,
+        simulator.begin(START), simulator.linkage.drive, None, START, 0,
     )  # fmt: skip
     for kind, value in plan:
         if kind == 'rpm':
@@ -73,12 +74,12 @@ def live(
     Returns:
         The path.
     """
-    simulator, number = Simulator(configuration), itertools.count(1)
+    simulator, number = Simulator(configuration.only), itertools.count(1)
     segment = simulator.begin(START).segment
     with LogWriter(path, configuration, overwrite=True) as log:
         channels = {
             i: log.add_topic(topic, prefix + (names or {}).get(topic.name, topic.name))
-            for i, topic in enumerate(simulator.templates.topics)
+            for i, topic in enumerate(templates_of(simulator).topics)
             if topics is None or topic.name in topics
         }
         extra = log.add_topic(DIAGNOSTICS, '/diagnostics') if diagnostics else None

@@ -4,6 +4,8 @@
 
 from typing import Any, NamedTuple
 
+from one_linkage import templates_of
+
 
 class StateMessages(NamedTuple):
     """A state, its stamp, ns, the numbers in its messages, and its messages, topic by topic."""
@@ -16,9 +18,10 @@ class StateMessages(NamedTuple):
 
 def messages_of(simulator, stamp, coordinates, ahead=None):
     """Returns the state at given coordinates and its messages."""
-    templates, state = simulator.templates, simulator.state(coordinates)
-    later = None if ahead is None else simulator.state(ahead)
-    numbers = templates.numbers(state, coordinates.unwrapped, later)
+    templates, state = templates_of(simulator), simulator.state(coordinates)
+    numbers = simulator.numbers.of(state, coordinates.unwrapped)
+    if ahead is not None:
+        numbers = *numbers, simulator.numbers.effort(simulator.state(ahead))
     packed = templates.pack(stamp, numbers)
     messages = [packed[place] for place in templates.slices.values()]
     return StateMessages(stamp, state, numbers, messages)

@@ -213,7 +213,7 @@ def test_recorded_joints_close_every_loop(name, tmp_path):
             assert_columns_name_carriers(log, joints, carrier)
             model = None
             if not joints:
-                start = Simulator(configuration)
+                start = Simulator(configuration.only)
                 text = make_mjcf(mechanism, start.state(start.begin(0).at(0)))
                 model = mujoco.MjModel.from_xml_string(text)
             turning = [x.name for x in mechanism.structure().links[1:] if not x.slides]
@@ -265,7 +265,7 @@ def assert_closed_in_mujoco(model, values, rates, carrier):
 def test_arrows_of_torques_turn_about_the_first_pin_of_their_link(name):
     for carrier in carriers(BASES[name]):
         mechanism = replace(with_dyads(BASES[name], carrier), loads=(Pins(name='a', damping=0.3),))
-        simulator, mark = Simulator(configured(mechanism, {})), 0.01
+        simulator, mark = Simulator(configured(mechanism, {}).only), 0.01
         state = simulator.state(simulator.begin(0).at(300_000_000))
         links = mechanism.structure().links
         names = [link.name for link in links]

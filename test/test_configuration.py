@@ -146,7 +146,7 @@ def test_every_preset_loads_by_name_and_by_path_and_turns(path):
         crank = np.linspace(*ends, 100)
         assert np.isfinite(solver.state(crank, 15.0, 3.0).torque).all()
     values = configuration.parameters()
-    assert {*values} <= {leaf.name for leaf in parameter_leaves(configuration.kind, values)}
+    assert {*values} <= {leaf.name for leaf in parameter_leaves(configuration.only.kind, values)}
 
 
 # ---------------------------------------------------------------- declarations

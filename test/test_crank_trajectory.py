@@ -21,6 +21,7 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 import yaml
+from one_linkage import TrajectoryAlone
 from pages import ROOT
 from rclpy.serialization import deserialize_message
 from ros_harness import logged, node_arguments, stop, unbroken, verified, wait_for, watched
@@ -31,7 +32,6 @@ from linkage_ros.messages.cdr import stamp_of
 from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.numeric import wrap
 from linkage_ros.run.states import Simulator
-from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import configure, load, read_values
 from linkage_ros.settings.presets import preset_path
 from linkage_ros.units import NS_PER_MS, NS_PER_S
@@ -46,11 +46,11 @@ HALF = NS_PER_S // 4  # half of the default horizon, ns
 
 def machine(**values):
     given = {k: v for k, v in load('quadrilateral').parameters().items() if v is not None}
-    return Simulator(configure({**given, 'trajectory_command_topic': TOPIC, **values}))
+    return Simulator(configure({**given, 'trajectory_command_topic': TOPIC, **values}).only)
 
 
 def trajectory(machine):
-    return TrajectoryAhead(machine)
+    return TrajectoryAlone(machine)
 
 
 def nanoseconds(time):
@@ -145,7 +145,7 @@ def test_a_trajectory_holds_the_forces_at_its_stamp():
     ahead, motion = trajectory(pushed), pushed.begin(T0)
     for tick in range(600):
         stamp, force = T0 + tick * PERIOD, {'push': (float(tick // 100), -20.0)}
-        motion = motion.under(stamp, Conditions(forces=force), pushed.configuration.drive)
+        motion = motion.under(stamp, Conditions(forces=force), pushed.linkage.drive)
         message = ahead.message_at(motion, stamp)
         assert (message is not None) == (tick % 250 == 0)
         if message is not None:
@@ -292,7 +292,7 @@ def test_node_publishes_and_logs_trajectories(tmp_path):
 def test_launch_file_of_the_example_names_existing_topics_and_parameters():
     launched = launched_by_the_example()
     plant, reference, publisher, manager, spawner = launched.nodes
-    assert configure(plant['parameters'][0]).kind.drive == 'torque'
+    assert configure(plant['parameters'][0]).only.kind.drive == 'torque'
     # M:755-756: the manager subscribes to robot_description, so ours must have another name.
     assert (plant['namespace'], reference['namespace']) == ('plant', 'reference')
     assert plant['remappings'] == [('joint_commands', '/joint_commands')]

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mechanisms import DRIVEN_SLIDERS, LIMITED, cylinder, of, wind_pump, with_loads
+from one_linkage import with_linkage
 from ros_harness import logged, report_of, verified
 
 from linkage_ros import Solver
@@ -117,7 +118,7 @@ def test_energy_is_conserved_past_dead_centres(name, integrate):
 def configuration(mechanism, rate=100.0):
     kind = next(name for name, cls in MECHANISM_KINDS.items() if type(mechanism) is cls)
     base = configure({'drive': 'torque'})
-    base = replace(base, kind=replace(base.kind, mechanism=kind))
+    base = with_linkage(base, kind=replace(base.only.kind, mechanism=kind))
     y = start(mechanism)
     crank = Solver(mechanism).state(y[: len(y) // 2]).position[0]
     drive = TorqueDrive(Motor(0.3, 0.01), 120 / math.pi, crank)
@@ -127,7 +128,7 @@ def configuration(mechanism, rate=100.0):
         mechanism = replace(mechanism, slider=slider)
         drive = TorqueDrive(Motor(1.0, 0.3), 30.0, 0.7)
     session = replace(base.session, rate_hz=rate)
-    return replace(base, mechanism=mechanism, drive=drive, session=session)
+    return with_linkage(base, mechanism=mechanism, drive=drive, session=session)
 
 
 @every
@@ -135,7 +136,7 @@ def test_a_record_verifies_to_the_bit(name, tmp_path):
     path = tmp_path / 'run.mcap'
     record(configuration(MECHANISMS[name], 200.0), path, duration=3.0)
     verified(path)
-    assert len({segment.description for segment in logged(path)[0].motions}) > 1
+    assert len({segment.description for segment in logged(path)[0].motions['']}) > 1
 
 
 # The rocker crosses the direction in which angles jump from pi to -pi.
@@ -150,8 +151,8 @@ def test_states_next_to_the_jump_at_pi_close_the_loop_and_verify(name, tmp_path)
     """Includes a pump whose coupler has turned, and states that are seconds apart."""
     settings = configuration(JUMPS[name], 400.0 if name in SEAMS else 50.0)
     if name == 'spinning':
-        settings = replace(settings, drive=TorqueDrive(Motor(4.0, 0.2), -200.0, 0.7))
-    simulator = Simulator(settings)
+        settings = with_linkage(settings, drive=TorqueDrive(Motor(4.0, 0.2), -200.0, 0.7))
+    simulator = Simulator(settings.only)
     motion = simulator.begin(0, record_steps)
     for tick in range(600 if name in SEAMS else 200):
         state = simulator.state(motion.at(simulator.ticks.elapsed(tick)))
@@ -159,7 +160,7 @@ def test_states_next_to_the_jump_at_pi_close_the_loop_and_verify(name, tmp_path)
         turning = state.position[2:3] if name in SEAMS else ()
         assert all(-math.pi < angle <= math.pi for angle in turning)
     record(settings, tmp_path / 'run.mcap', duration=3.0)
-    slow = replace(settings, session=replace(settings.session, rate_hz=0.7))
+    slow = with_linkage(settings, session=replace(settings.session, rate_hz=0.7))
     record(slow, tmp_path / 'slow.mcap', duration=8.0)
     verified(tmp_path / 'run.mcap')
     verified(tmp_path / 'slow.mcap')
@@ -177,7 +178,7 @@ def test_wrong_coordinates_in_a_segment_are_detected(forged, words, tmp_path, mo
     """The segment has the wrong assembly, or coordinates that the mechanism does not have."""
     write = LogWriter.write_motion
 
-    def write_forged(log, segment):
+    def write_forged(log, segment, linkage):
         write(log, replace(segment, description=segment.description and forged))
 
     monkeypatch.setattr(LogWriter, 'write_motion', write_forged)
@@ -188,7 +189,7 @@ def test_wrong_coordinates_in_a_segment_are_detected(forged, words, tmp_path, mo
 def test_live_run_compiles_the_programs_of_its_dead_centres_in_advance(monkeypatch):
     """Compiling during the run would delay hundreds of ticks."""
     program._tapes_of.cache_clear()  # as in a new process
-    simulator = Simulator(configuration(of((2.03, 1.5, 1.2, 2.2), 0.31)))
+    simulator = Simulator(configuration(of((2.03, 1.5, 1.2, 2.2), 0.31)).only)
     simulator.prepare_live()
     motion, compiled, compile_ = simulator.begin(0), [], Tape._compiled
     monkeypatch.setattr(

@@ -296,7 +296,7 @@ def test_the_drawn_position_is_the_start_and_a_log_restores_the_drawing():
 
 
 def test_places_of_loads_and_points_are_as_drawn():
-    drawing = configure(values()).drawn_mechanism.drawing
+    drawing = configure(values()).only.drawn_mechanism.drawing
     at_pin = drawing.mechanism(
         loads=[Force(force=(3.0, -5.0), pin='P'), Spring(cylinder='gas', stiffness=80.0)]
     )
@@ -338,7 +338,7 @@ def test_a_link_that_stands_still_is_noted():
 
 def test_a_solver_takes_a_drawing_and_what_load_returns():
     configuration = configure(values())
-    drawing = configuration.drawn_mechanism.drawing
+    drawing = configuration.only.drawn_mechanism.drawing
     found = [Solver(x).state(0.4, 2.0) for x in (drawing, configuration, drawing.mechanism())]
     assert found[0] == found[1] == found[2]
 

@@ -50,8 +50,8 @@ def test_every_file_works_as_printed(name, machine):
     configuration = machine(name)
     solver = Solver(configuration.mechanism)
     state = solver.state(configuration.mechanism.drawn.position)
-    pins = configuration.drawn_mechanism.drawing.pins
-    unit = {'m': 1.0, 'cm': 0.01, 'mm': 0.001}[configuration.drawn_mechanism.drawing.units]
+    pins = configuration.only.drawn_mechanism.drawing.pins
+    unit = {'m': 1.0, 'cm': 0.01, 'mm': 0.001}[configuration.only.drawn_mechanism.drawing.units]
     origin = np.array(pins[dict(configuration.mechanism.drawn.points)['A0']])
     known = solver.structure.points
     for pin in {*pins} & {*known}:

@@ -81,11 +81,11 @@ def test_a_drive_of_its_own_is_configured_recorded_and_verified(configuration, t
     record(configuration, path, duration=1.0)
     log = LogReader(path)
     assert log.configuration == configuration
-    assert log.motions == (SettlingSegment(0, 11.0),)
+    assert log.motions[''] == (SettlingSegment(0, 11.0),)
     report = verify(log)
     assert (report.states, report.difference) == (200, '')
     assert '  0.000000 s: settles from 11 rad/s' in [*info(log)]
-    assert 'settles from 11 rad/s' in summary(configuration, Solver(configuration.mechanism))
+    assert 'settles from 11 rad/s' in summary(configuration.only, Solver(configuration.mechanism))
     assert '\n  speed: ' in help_on_kind()
 
 

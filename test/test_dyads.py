@@ -622,7 +622,7 @@ def six_bar(tmp_path, *lines):
 def test_log_of_each_drive_verifies(tmp_path, drive):
     configuration = six_bar(tmp_path, *DRIVES[drive])
     assert from_strings(to_strings(configuration)) == configuration
-    names = [joint.name for joint in configuration.robot_joints]
+    names = [joint.name for joint in configuration.only.robot_joints]
     assert names[3:] == ['ram_first', 'elbow', 'shoe_first', 'carriage']
     record(configuration, tmp_path / 'run.mcap', duration=1.0)
     verified(tmp_path / 'run.mcap')

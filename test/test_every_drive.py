@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from joint_codec import JointStateCodec
+from one_linkage import inputs_of
 from ros_harness import report_of, verified
 
 from linkage_ros import ConfigurationError, Solver, read_log
@@ -74,7 +75,7 @@ def test_a_law_moves_the_driven_joint_and_verifies(name, tmp_path):
     size = np.abs(due).max()
     np.testing.assert_allclose(found[f'{joint.name}.effort'], due, atol=1e-9 * size)
     unit = 'm' if joint.slides else 'deg'
-    assert f'{unit} with amplitude' in summary(config, solver)
+    assert f'{unit} with amplitude' in summary(config.only, solver)
 
 
 @every
@@ -105,8 +106,8 @@ def test_measurements_of_a_motion_give_its_states(name, mapped, tmp_path):
 
 @every
 def test_a_measurement_out_of_reach_is_rejected(name):
-    joint, simulator = joint_of(name), Simulator(driven(name, 'follow'))
-    (crank,) = simulator.inputs().values()
+    joint, simulator = joint_of(name), Simulator(driven(name, 'follow').only)
+    (crank,) = inputs_of(simulator).values()
     codec = JointStateCodec((joint.name,), 'base_link')
     reach = simulator.solver.reach
     inside = middle(name)[0]
@@ -129,21 +130,21 @@ def test_a_torque_driven_run_verifies(name, tmp_path):
     np.testing.assert_allclose(states(path)[f'{joint.name}.effort'], 7.0, rtol=1e-9)
     unit = 'N' if joint.slides else 'N m'
     assert any(line.endswith(f'motor torque 7 {unit}') for line in info(LogReader(path)))
-    (commands,) = (x for t, x in Simulator(config).inputs().items() if t == JOINT_COMMANDS)
+    (commands,) = (x for t, x in inputs_of(Simulator(config.only)).items() if t == JOINT_COMMANDS)
     assert commands.commanded([joint.name], [3.5]) == 3.5
     assert f'command, {unit}' in commands.diagnostics()
 
 
 @every
 def test_a_trajectory_moves_the_driven_joint(name):
-    simulator, (center, amplitude) = Simulator(swinging(name)), middle(name)
-    reader = simulator.inputs()[CRANK_TRAJECTORY]
+    simulator, (center, amplitude) = Simulator(swinging(name).only), middle(name)
+    reader = inputs_of(simulator)[CRANK_TRAJECTORY]
     begin = simulator.begin(0)
-    reader.applied(begin, 100 * NS_PER_MS, 0, [])
+    reader.prepare(begin, 100 * NS_PER_MS)
 
     def to(goal):
-        points = [(600 * NS_PER_MS, (goal, 0.0, 0.0, 0.0))]
-        return reader.read(crank_trajectory(simulator.crank_joint, 'base_link', points), 0)
+        points = [(600 * NS_PER_MS, ([goal], [0.0], [0.0], [0.0]))]
+        return reader.read(crank_trajectory([simulator.crank_joint], 'base_link', points), 0)
 
     motion, goal = to(center - amplitude), center - amplitude
     at = motion.at(700 * NS_PER_MS)
@@ -200,15 +201,16 @@ def test_a_driven_cylinder_makes_no_revolutions(tmp_path):
 
 def test_a_changed_force_is_found(tmp_path, monkeypatch):
     """Negative control: verification compares the force of the cylinder."""
-    numbers = Simulator.numbers
+    part = Simulator.part
 
     def wrong(simulator, *given):
-        found = [*numbers(simulator, *given)]
+        found = part(simulator, *given)
+        numbers = [*found.numbers]
         place = 3 * len(simulator.joints) + simulator.driven
-        found[place] = 1.0001 * found[place]
-        return tuple(found)
+        numbers[place] = 1.0001 * numbers[place]
+        return found._replace(numbers=numbers)
 
     with monkeypatch.context() as patched:
-        patched.setattr(Simulator, 'numbers', wrong)
+        patched.setattr(Simulator, 'part', wrong)
         record(load('excavator'), tmp_path / 'run.mcap', duration=0.2)
     assert 'rod' in report_of(tmp_path / 'run.mcap').difference

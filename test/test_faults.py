@@ -226,7 +226,7 @@ def test_view_that_others_can_reach_is_served_with_a_warning():
 def test_truncated_log_is_reported_and_left_alone(tmp_path, size):
     path = tmp_path / 'run.mcap'
     log = LogWriter(path, configure({'rpm': 60.0}), overwrite=False)
-    motion = Simulator(configure({'rpm': 60.0})).begin(0)
+    motion = Simulator(configure({'rpm': 60.0}).only).begin(0)
     log.flush()
     os.truncate(path, size)
     log.write_motion(motion.segment)

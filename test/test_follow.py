@@ -5,7 +5,6 @@
 import math
 import re
 import time
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from joint_codec import JointStateCodec
 from mechanisms import CHANGE_POINTS, FOLLOWED, LIMITED, four_bar, of
 from mpmath import mp
+from one_linkage import answers_of, inputs_of, with_linkage
 from rclpy.serialization import deserialize_message, serialize_message
 from ros_harness import (
     logged,
@@ -165,7 +165,7 @@ def message(stamp=0, name=('arm', 'crank'), position=(7.0, 0.5), velocity=()):
 
 
 def measured_crank(simulator):
-    (crank,) = simulator.inputs().values()
+    (crank,) = inputs_of(simulator).values()
     return crank
 
 
@@ -173,7 +173,7 @@ def measured_crank(simulator):
 def test_messages_are_accepted_or_counted_by_cause_of_rejection(name):
     limited = four_bar(LIMITED['rocker_crank'])
     configuration = configure({**FOLLOWED, 'crank_joint': name})
-    crank = measured_crank(Simulator(replace(configuration, mechanism=limited)))
+    crank = measured_crank(Simulator(with_linkage(configuration, mechanism=limited).only))
     (start, end), *_ = limited.reach().arcs
     inside, beyond = 0.5 * (start + end), end + 0.01 * (TURN - end + start)
     came, names = 10**18, ('arm', name)
@@ -209,7 +209,7 @@ def test_value_out_of_reach_is_named_in_values_of_the_robots_joint():
     limited = four_bar(LIMITED['rocker_crank'])
     mapped = {'joints.crank.name': 'knee', 'joints.crank.zero': 1.0, 'joints.crank.ratio': -2.0}
     crank = measured_crank(
-        Simulator(replace(configure({**FOLLOWED, **mapped}), mechanism=limited))
+        Simulator(with_linkage(configure({**FOLLOWED, **mapped}), mechanism=limited).only)
     )
     (start, end), *_ = limited.reach().arcs
     values = [-2.0 * (angle - 1.0) for angle in (end + 0.01 * (TURN - end + start), start, end)]
@@ -227,7 +227,7 @@ def test_extreme_measurements_do_not_end_the_motion(lead):
     (start, end), *_ = limited.reach().arcs
     for mechanism, inside in ((load('quadrilateral').mechanism, 0.5), (limited, end - 1e-3)):
         configuration = configure({**FOLLOWED, **lead})
-        simulator = Simulator(replace(configuration, mechanism=mechanism))
+        simulator = Simulator(with_linkage(configuration, mechanism=mechanism).only)
         crank, answers = measured_crank(simulator), 0
         nearest = math.nextafter(end, start)
         for n, (position, velocity) in enumerate(
@@ -251,20 +251,19 @@ def test_a_rejected_measurement_leaves_no_trace_in_the_filters():
     limited = four_bar(LIMITED['rocker_crank'])
     inside = limited.reach().arcs[0][1] - 0.02
     lead = {'effort_command_topic': '/torque', 'lead_time': 0.05}
-    simulator = Simulator(replace(configure({**FOLLOWED, **lead}), mechanism=limited))
+    simulator = Simulator(with_linkage(configure({**FOLLOWED, **lead}), mechanism=limited).only)
     steady = [message(n * MS, position=(0.0, inside), velocity=(0.0, 0.0)) for n in range(1, 9)]
     spike = message(4 * MS, position=(0.0, inside), velocity=(0.0, 5.0))
-    plain, disturbed, batch = (
-        measured_crank(Simulator(simulator.configuration)) for _ in range(3)
-    )
+    plain, disturbed = (measured_crank(Simulator(simulator.linkage)) for _ in range(2))
     due = [plain.read(data, 0) for data in steady]
     found = [disturbed.read(data, 0) for data in steady[:3]]
     with pytest.raises(ValueError, match=OUT_OF_REACH):
         disturbed.read(spike, 0)
     assert found + [disturbed.read(data, 0) for data in steady[3:]] == due
     mixed = [(n, data) for n, data in enumerate([*steady[:3], spike, *steady[3:]])]
-    times, stamps, numbers = batch.answers(mixed, simulator.numbers)
-    assert (times, batch.rejected[OUT_OF_REACH]) == ([0, 1, 2, 4, 5, 6, 7, 8], 1)
+    batch = answers_of(simulator)
+    ((times, stamps, numbers, _),) = batch.answers(mixed)
+    assert (times, batch.rejected()[OUT_OF_REACH]) == ([0, 1, 2, 4, 5, 6, 7, 8], 1)
     assert stamps == [stamp for stamp, _ in due]
     assert np.ptp(np.array(numbers, float), axis=1).max() == 0  # nothing moves
 

@@ -53,7 +53,7 @@ def recorded(preset, folder):
     rate = round(configuration.session.rate_hz)
     assert count == round(DURATION * rate)
     stamps = [tick * 10**9 // rate for tick in range(count)]
-    motion = Simulator(configuration).begin(0, AdaptiveSteps)
+    motion = Simulator(configuration.only).begin(0, AdaptiveSteps)
     return Log(path, configuration, solved_messages(configuration, motion, stamps))
 
 
@@ -66,7 +66,7 @@ def written_live(folder):
     for message in log.messages():
         found.setdefault(message.topic, []).append(message.time)
     stamps = [START + tick * 5_000_000 for tick in range(200)]
-    expected = solved_messages(configuration, SpeedMotion(log.motions[0]), stamps)
+    expected = solved_messages(configuration, SpeedMotion(log.motions[''][0]), stamps)
     values = [{'key': 'rate', 'value': '200'}]
     status = {
         'level': 0,
@@ -235,7 +235,7 @@ def test_metadata_example_prints_configuration_and_motion(log, capsys, monkeypat
     assert motion.startswith('linkage_ros/motion {')
     assert end.startswith("linkage_ros/end {'messages': '")
     drive = log.configuration.drive
-    is_speed = log.configuration.kind.drive == 'speed'
+    is_speed = log.configuration.only.kind.drive == 'speed'
     expected = f"'rpm': '{drive.rpm}'" if is_speed else f"'torque': '{drive.motor.torque}'"
     assert expected in motion
 
@@ -245,7 +245,7 @@ def test_read_log_has_an_array_per_joint_and_quantity(log):
     rows = log.messages['/mechanism_state']
     quantities = {'position': 'positions', 'velocity': 'velocities',
                   'acceleration': 'accelerations', 'effort': 'effort'}  # fmt: skip
-    joints = Simulator(log.configuration).joints
+    joints = Simulator(log.configuration.only).joints
     columns = [f'{joint}.{word}' for word in quantities for joint in joints]
     assert list(states) == ['t', *columns]
     for name in columns:

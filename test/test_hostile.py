@@ -65,7 +65,7 @@ from linkage_ros.settings.configuration import configure, load, to_strings
 from linkage_ros.settings.yaml_file import read_parameter_file, read_yaml
 from linkage_ros.xml_file import read_xml
 
-MOTION = encode_motion(Simulator(load('quadrilateral')).begin(0).segment)
+MOTION = encode_motion(Simulator(load('quadrilateral').only).begin(0).segment)
 # Everything that reads a file other than logs and bags.
 READERS = {
     'parameters': read_parameter_file,

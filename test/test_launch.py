@@ -27,7 +27,7 @@ from linkage_lab.robots import import_tool
 from linkage_ros import ConfigurationError
 from linkage_ros.programs.controller import SpeedController
 from linkage_ros.quantities import build
-from linkage_ros.settings.configuration import configure
+from linkage_ros.settings.configuration import configure, read_values
 from linkage_ros.settings.controller import ControllerSettings
 from linkage_ros.units import NS_PER_S
 
@@ -60,8 +60,7 @@ class Recorded(SimpleNamespace):
 OF_LAUNCH = {
     'launch': ('LaunchContext', 'LaunchDescription'),
     'launch.actions': (
-        'DeclareLaunchArgument', 'GroupAction', 'IncludeLaunchDescription', 'LogInfo',
-        'OpaqueFunction', 'Shutdown',
+        'DeclareLaunchArgument', 'LogInfo', 'OpaqueFunction', 'Shutdown',
     ),
     'launch_ros': (),
     'launch_ros.actions': ('Node',),
@@ -80,10 +79,7 @@ def stand_in(monkeypatch):
 
 @pytest.fixture
 def launched(monkeypatch, tmp_path):
-    """Runs a launch file; returns the started programs by executable, and its messages.
-
-    With two linkages, the names include the namespace.
-    """
+    """Runs a launch file; returns the started programs by executable, and its messages."""
     stand_in(monkeypatch)
 
     def launch(file, *installed, **arguments):
@@ -99,13 +95,6 @@ def launched(monkeypatch, tmp_path):
         actions = function.function(context)
         started = [action for action in actions if hasattr(action, 'executable')]
         words = [action.msg for action in actions if hasattr(action, 'msg')]
-        for group in (action for action in actions if hasattr(action, 'forwarding')):
-            assert not group.forwarding  # otherwise the linkages would share arguments
-            (include,) = group.positional[0]
-            nodes, more = launch(*include.positional, *installed, **dict(include.launch_arguments))
-            started, words = [*started, *nodes.values()], words + more
-        if file == TWO:
-            return {f'{action.namespace}/{action.executable}': action for action in started}, words
         names = (getattr(action, 'name', action.executable) for action in started)
         return dict(zip(names, started, strict=True)), words
 
@@ -144,7 +133,7 @@ def test_missing_package_is_reported_when_requested(launched, installed, rviz, s
     assert set(nodes) == {'linkage_node'} | started
     assert len(words) == bool(said)
     assert said in ''.join(words)
-    assert configure(values_of(nodes['linkage_node'])).kind.mechanism == 'four_bar'
+    assert configure(values_of(nodes['linkage_node'])).only.kind.mechanism == 'four_bar'
 
 
 def test_arguments_replace_the_values_of_a_file_of_the_namespace(launched, tmp_path):
@@ -417,43 +406,36 @@ def test_model_that_is_not_the_robots_is_refused(launched, leg, tmp_path, text, 
         launched(ROBOT, **{**leg, 'urdf': str(other)})
 
 
-def test_two_linkages_are_one_tree_and_the_right_one_follows_the_left_one(launched):
+def test_two_linkages_in_one_node_turn_together_and_are_one_tree(launched):
     """This test compares names; test_urdf.py compares positions of frames."""
-    nodes, words = launched(TWO, 'robot_state_publisher', 'tf2_ros', right='wiper', rpm='60')
-    sides, domain = ('left', 'right'), fresh_domain()
-    topics = {f'/{side}/joint_states': 'sensor_msgs/msg/JointState' for side in sides}
-    left, right = (ros_arguments(nodes[f'{side}/linkage_node']) for side in sides)
+    nodes, words = launched(TWO, 'robot_state_publisher', right='wiper', rpm='60')
+    domain, topics = fresh_domain(), {'/joint_states': 'sensor_msgs/msg/JointState'}
     with (
         Listener(domain, topics) as heard,
-        running('node', *right, domain=domain) as second,
-        running('node', *left, domain=domain) as first,
+        running('node', *ros_arguments(nodes['linkage_node']), domain=domain) as node,
     ):
-
-        def states():
-            return [by_stamp(heard.received[topic]) for topic in topics]
-
-        # Either may be matched late.
-        wait_for(lambda: len(set.intersection(*map(set, states()))) > 25)
-        stop(first)
-        stop(second)
+        heard.await_more(25)
+        stop(node)
     assert words == []
-    turned, followed = states()
-    common = turned.keys() & followed.keys()
-    assert all(followed[stamp]['crank'] == turned[stamp]['crank'] for stamp in common)
-    assert len(common) > 25
-    parents = []
-    for side, z in zip(sides, ('0', '0.1'), strict=True):
-        values = values_of(nodes[f'{side}/robot_state_publisher'])
-        for joint in ET.fromstring(values['robot_description']).iterfind('joint'):
-            ends = (joint.find(end).get('link') for end in ('child', 'parent'))
-            parents.append([values['frame_prefix'] + end for end in ends])
-        words = nodes[f'{side}/static_transform_publisher'].arguments
-        options = dict(zip(words[::2], words[1::2], strict=True))
-        parents.append([options['--child-frame-id'], options['--frame-id']])
-        assert [options[name] for name in ('--x', '--y', '--z')] == ['0', '0', z]
-    frames = dict(parents)
-    assert len(frames) == len(parents) == 2 * 4
-    assert set(frames.values()) - set(frames) == {'base_link'}
+    states = by_stamp(heard.received['/joint_states']).values()
+    assert all(state['left_crank'] == state['right_crank'] for state in states)
+    assert len({state['left_rocker'] for state in states}) > 20
+    values = values_of(nodes['robot_state_publisher'])
+    joints = ET.fromstring(values['robot_description']).findall('joint')
+    assert {joint.get('name') for joint in joints} == {*next(iter(states))}
+    parents = {
+        joint.find('child').get('link'): joint.find('parent').get('link') for joint in joints
+    }
+    assert len(parents) == 6
+    assert set(parents.values()) - set(parents) == {'base_link'}
+
+
+def test_linkages_on_different_links_are_no_tree_of_one_launch(launched, tmp_path):
+    file = tmp_path / 'two.yaml'
+    values = {'linkages': ['a', 'b'], **read_values('quadrilateral'), 'b.frame_id': 'shank'}
+    file.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}))
+    with pytest.raises(ConfigurationError, match='frame_id: must be the same link'):
+        launched(DEMO, params=str(file))
 
 
 def by_stamp(messages):

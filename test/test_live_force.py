@@ -182,9 +182,9 @@ def test_a_message_acts_from_its_state_until_it_expires():
 def test_two_loads_with_one_topic_are_refused():
     values = {**LINKS, **PUSH, **PULL, 'loads.pull.wrench_topic': 'push', 'rpm': 60.0}
     with pytest.raises(ConfigurationError, match='two loads have it'):
-        Simulator(configure(values))
+        Simulator(configure(values).only)
 
 
 def live_force(**given):
-    (force,) = Simulator(configure({**LINKS, **given, 'rpm': 60.0})).live_forces().values()
+    (force,) = Simulator(configure({**LINKS, **given, 'rpm': 60.0}).only).live_forces().values()
     return force

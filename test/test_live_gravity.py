@@ -78,7 +78,7 @@ def test_each_change_is_logged_and_verified(drive, tmp_path):
         await_states(10)
         stop(process)
     reader = LogReader(log)
-    changes = [x for x in reader.motions if getattr(x, 'gravity', None)]
+    changes = [x for x in reader.motions[''] if getattr(x, 'gravity', None)]
     assert [change.gravity for change in changes] == [TURNED, (7.0, 0.0)]
     assert verified(log).states >= len(heard)
     assert 'gravity [-3.0, 5.0] m/s^2' in '\n'.join(info(reader))
@@ -97,9 +97,10 @@ def test_each_change_is_logged_and_verified(drive, tmp_path):
         assert point.effort[0] == pytest.approx(torque, abs=1e-9)
     assert min(counts) > 5
     # A log without the last change, or with another value, differs.
-    for wrong in (reader.motions[:-1], (*reader.motions[:-1], other(reader.motions[-1]))):
+    *usual, last = reader.motions['']
+    for wrong in (usual, [*usual, other(last)]):
         forged = LogReader(log)
-        forged.motions = wrong
+        forged.motions = {'': tuple(wrong)}
         assert verify(forged).difference
 
 

@@ -24,14 +24,15 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import MCAP0_MAGIC
 from mcap_records import records_of, write_records
+from one_linkage import alone, run_alone, templates_of
 from ros_harness import CODEC, assert_refused
 
 from linkage_ros import LogError, __version__
 from linkage_ros.log.mcap_writer import _BLOCK_SIZE
 from linkage_ros.log.reader import LogReader
-from linkage_ros.log.records import CONFIGURATION_RECORD, END_RECORD, MOTION_RECORD
+from linkage_ros.log.records import CONFIGURATION_RECORD, END_RECORD, MOTION_RECORD, LoggedSegment
 from linkage_ros.log.recover import recover
-from linkage_ros.log.rows import RowLayout
+from linkage_ros.log.rows import RowLayouts
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.messages.cdr import encode_string
 from linkage_ros.messages.topics import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION
@@ -93,22 +94,23 @@ def path(tmp_path_factory):
 def content(path):
     """Returns everything that LogReader reads from a file."""
     log = LogReader(path)
-    about = (log.configuration, log.version, log.motions, log.topics, log.start, log.end)
+    about = (log.configuration, log.version, log.motions[''], log.topics, log.start, log.end)
     return about, list(log.messages())
 
 
 def written(log):
     """Returns the messages of a log in the order of writing; none is on these channels."""
-    simulator, found = Simulator(CONFIGURATION), []
-    layout = RowLayout(simulator.templates, enumerate(simulator.templates.topics, 200))
-    assert not list(log.rows(layout, found.append))
+    simulator, found = Simulator(CONFIGURATION.only), []
+    numbers = {topic: 200 + i for i, topic in enumerate(templates_of(simulator).topics)}
+    layouts = RowLayouts(run_alone(simulator).templates, numbers)
+    assert not list(log.rows(layouts, found.append))
     return found
 
 
 def test_a_long_log_takes_little_memory(tmp_path):
     with LogWriter(tmp_path / 'run.mcap', CONFIGURATION, overwrite=False) as log:
         channel, batches = log.add_topic(DRIVING_TORQUE, TORQUE), 3000
-        batch = MOTIONS[0], (channel, START, encode_float64(1.0))
+        batch = LoggedSegment(MOTIONS[0]), (channel, START, encode_float64(1.0))
         log.consume(batch)
         tracemalloc.start()
         try:
@@ -119,7 +121,7 @@ def test_a_long_log_takes_little_memory(tmp_path):
         finally:
             tracemalloc.stop()
     assert after - before < 40 * batches + 2 * _BLOCK_SIZE  # 134 in the index of the file
-    assert len(LogReader(tmp_path / 'run.mcap').motions) == batches + 1
+    assert len(LogReader(tmp_path / 'run.mcap').motions['']) == batches + 1
 
 
 # ---------------------------------------------------------------- other readers
@@ -154,7 +156,7 @@ def test_log_contains_its_definitions_and_returns_the_same_bytes_in_order(path):
     log = LogReader(path)
     assert (log.configuration, log.version) == (CONFIGURATION, __version__)
     assert (log.start, log.end) == (START, CONTENTS[-1][1])
-    assert list(log.motions) == MOTIONS
+    assert list(log.motions['']) == MOTIONS
     assert [(t.name, t.type, t.messages, t.latched) for t in log.topics] == [
         (JOINTS, 'sensor_msgs/msg/JointState', COUNT, False),
         (TORQUE, 'std_msgs/msg/Float64', COUNT, False),
@@ -194,7 +196,7 @@ def test_every_batch_is_written_to_the_file_at_once(tmp_path):
         channel = log.add_topic(DRIVING_TORQUE, TORQUE)
         items = [(channel, stamp, encode_float64(stamp)) for stamp in range(60)]
         for number in range(2):
-            log.consume([MOTIONS[0], *items[30 * number : 30 * number + 30]])
+            log.consume([LoggedSegment(MOTIONS[0]), *items[30 * number : 30 * number + 30]])
             assert recover(path, saved, overwrite=True).messages == 30 * (number + 1)
     about, messages = content(path)
     assert len(about[2]) == 2
@@ -215,12 +217,13 @@ def test_the_same_record_has_the_same_bytes(tmp_path):
 @pytest.mark.parametrize('start', [0, START])
 def test_rows_have_the_bytes_that_the_library_would_write(tmp_path, start):
     """Includes chunks, indexes, counts and times, message by message, in several chunks."""
-    simulator, path = Simulator(load('quadrilateral')), tmp_path / 'run.mcap'
+    simulator, path = Simulator(load('quadrilateral').only), tmp_path / 'run.mcap'
     stamps = [start + simulator.ticks.elapsed(tick) for tick in range(6000)]
-    with LogWriter(path, simulator.configuration, overwrite=False) as log:
-        log.add_states(simulator.templates, lambda topic: topic.name)
+    with LogWriter(path, alone(simulator.linkage), overwrite=False) as log:
+        log.add_states(run_alone(simulator).templates, lambda topic: topic.name)
         found = simulator.begin(start).at_all(stamps)
-        log.write_states(stamps, stamps, simulator.numbers(found))
+        row = run_alone(simulator).row({'': simulator.part(found)})
+        log.write_states(stamps, stamps, row)
     write_records(tmp_path / 'other.mcap', records_of(path), chunk_size=1 << 30,
                   enable_data_crcs=True)  # fmt: skip
     assert (tmp_path / 'other.mcap').read_bytes() == path.read_bytes()

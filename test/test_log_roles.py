@@ -10,6 +10,7 @@ from live_logs import START, STATUSES
 from mcap.records import Channel
 from mcap_records import records_of, write_records
 from mechanisms import FOLLOWED
+from one_linkage import TrajectoryAlone, inputs_of, run_alone, templates_of
 from ros_harness import verified
 from state_messages import messages_at, messages_of
 
@@ -32,7 +33,6 @@ from linkage_ros.motion.drives.follow import FollowDrive
 from linkage_ros.motion.drives.speed import SpeedDrive
 from linkage_ros.programs.log_commands import info
 from linkage_ros.run.states import Simulator
-from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import configure, load, read_values
 
 STATES = 20
@@ -57,14 +57,14 @@ def write(path, configuration, names):
     Returns:
         The names of the topics by role.
     """
-    simulator, names = Simulator(configuration), iter(names)
-    inputs, drive = simulator.inputs(), configuration.drive
+    simulator, names = Simulator(configuration.only), iter(names)
+    inputs, drive = inputs_of(simulator), configuration.drive
     others = [ROBOT_DESCRIPTION, DIAGNOSTICS, *inputs]
-    crank = TrajectoryAhead(simulator) if isinstance(drive, SpeedDrive) else None
+    crank = TrajectoryAlone(simulator) if isinstance(drive, SpeedDrive) else None
     others += [crank.topic] if crank else []
-    used = {topic.role: next(names) for topic in (*simulator.templates.topics, *others)}
+    used = {topic.role: next(names) for topic in (*templates_of(simulator).topics, *others)}
     with LogWriter(path, configuration, overwrite=True) as log:
-        log.add_states(simulator.templates, lambda topic: used[topic.role])
+        log.add_states(run_alone(simulator).templates, lambda topic: used[topic.role])
         channels = {topic.role: log.add_topic(topic, used[topic.role]) for topic in others}
         foreign = []
         for like, name in zip([*log.mcap.channels.values()], names, strict=False):
@@ -113,7 +113,10 @@ def test_log_is_verified_whatever_the_names_of_its_topics(tmp_path, drive, seed)
     configuration = configure(DRIVES[drive])
     used = write(path, configuration, random_names(seed))
     recover(path, saved)
-    own = [topic.role for topic in (*Simulator(configuration).templates.topics, ROBOT_DESCRIPTION)]
+    own = [
+        topic.role
+        for topic in (*templates_of(Simulator(configuration.only)).topics, ROBOT_DESCRIPTION)
+    ]
     for log in map(LogReader, (path, saved)):
         report = verified(log.path)
         assert report.states == STATES

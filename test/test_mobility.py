@@ -350,7 +350,7 @@ def test_travel_ignores_loads():
     assert solver.reach.period_turns == 2
     assert travel(solver) == travel(Solver(bare))
     followed = configure({'mechanism': 'slider_crank', 'drive': 'follow'} | flatten(mechanism))
-    assert 'stroke 0.2' in summary(followed, Solver(followed.mechanism))
+    assert 'stroke 0.2' in summary(followed.only, Solver(followed.mechanism))
 
 
 # Stretched at 19 deg and, a turn and a half later except for that angle, at 161 deg.

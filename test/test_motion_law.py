@@ -310,7 +310,7 @@ def test_a_record_of_a_limited_crank_verifies_to_the_bit(tmp_path, values):
     done = verify(log)
     assert (done.states, done.difference, done.ulp) == (667, '', 0.0)
     motion = LawMotion.begin(configuration.drive.motion.law, 0)
-    assert log.motions == (motion.segment,)
+    assert log.motions[''] == (motion.segment,)
     solver = Solver(configuration.mechanism)
     torques = [message.data for message in log.messages({'/torque'})]
     for stamp, data in zip((0, 3_000_300), torques, strict=False):
@@ -325,7 +325,7 @@ def test_a_live_log_with_clock_steps_verifies_to_the_bit(tmp_path, values):
     log = LogReader(path)
     done = verify(log)
     assert (done.states, done.missed, done.difference, done.ulp) == (202, 7, '', 0.0)
-    assert len(log.motions) == 3
+    assert len(log.motions['']) == 3
 
 
 def test_a_record_keeps_the_states_before_the_end(tmp_path):
@@ -372,7 +372,7 @@ def test_a_malformed_law_of_a_log_is_refused(changes):
 def test_verification_finds_a_forged_law(tmp_path):
     configuration = configured(SERVO_LAWS['rise'])
     simulator, motion = (
-        Simulator(configuration),
+        Simulator(configuration.only),
         LawMotion.begin(configuration.drive.motion.law, 0),
     )
     joined = motion.join(10**8, [2 * 10**8, 3 * 10**8], [1.3, 1.1])

@@ -15,6 +15,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from joint_codec import JointStateCodec
 from mechanisms import FOLLOWED
+from one_linkage import with_linkage
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 from ros_harness import (
@@ -89,7 +90,7 @@ def test_every_message_arrives_in_order_with_stamps_one_period_apart(run):
     assert 300 <= due <= len(states) + missed
     assert verified(log.path).compared == (*OUTPUTS, '/robot_description')
     session = replace(load('quadrilateral').session, log=str(log.path))
-    assert log.configuration == replace(load('quadrilateral'), session=session)
+    assert log.configuration == with_linkage(load('quadrilateral'), session=session)
 
 
 def test_diagnostics_come_once_a_second_with_figures(run):
@@ -133,7 +134,7 @@ def test_rpm_is_set_live_in_a_namespace_and_a_signal_ends_with_a_complete_log(tm
     assert told.status[0].name == 'left/linkage_node: motion'
     log, messages = logged(path)
     assert len(messages[states]) >= len(listener.received[states])
-    assert [segment.rpm for segment in log.motions] == [150.0, -60.0, 0.5]
+    assert [segment.rpm for segment in log.motions['']] == [150.0, -60.0, 0.5]
     moved = (
         'joint_states',
         'torque',
@@ -309,7 +310,7 @@ def test_states_follow_a_clock_that_runs_at_half_rate_stops_and_goes_back(simula
     numbers = [values for _, values in decoded(m.data for m in messages[STATES])]
     turned = [b[0] - a[0] for a, b in pairwise(numbers)]
     assert turned == pytest.approx([numbers[0][3] * 0.005] * 151, rel=1e-9)
-    assert [motion.stamp for motion in log.motions] == [START, START - 10**9]
+    assert [motion.stamp for motion in log.motions['']] == [START, START - 10**9]
 
 
 def test_invalid_clock_messages_do_not_end_the_node(simulated):
@@ -345,7 +346,7 @@ def test_the_pump_runs_live_and_its_log_verifies(tmp_path):
     assert 'wind_pump, crossed, motor 8.4 N m - 1.2 N m s x speed' in output
     log, messages = logged(path)
     # A delay of more than 0.25 s starts a segment with the same torque.
-    assert [torque for torque, _ in groupby(s.torque for s in log.motions)] == [8.4, 20.0]
+    assert [torque for torque, _ in groupby(s.torque for s in log.motions[''])] == [8.4, 20.0]
     states = [message.data for message in messages[STATES]]
     assert verified(path).states == len(states)
     assert unbroken(listener.received[STATES], states)

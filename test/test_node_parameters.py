@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 import yaml
+from one_linkage import with_linkage
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import (
     DescribeParameters,
@@ -85,7 +86,7 @@ def test_every_kind_of_quantity_has_the_type_of_its_values():
 
 def test_each_is_described_with_its_range(listener):
     leaves = {leaf.name: leaf.quantity for leaf in parameter_leaves(MechanismAndDrive('four_bar'))}
-    groups = {'dyads', 'points', 'joints', 'plane', 'publish_description'}
+    groups = {'dyads', 'points', 'joints', 'plane', 'publish_description', 'linkages'}
     unset = {name for name in leaves if name.split('.')[0] in groups}
     assert set(leaves) - set(dump(listener)) == unset
     leaves = {name: quantity for name, quantity in leaves.items() if name not in unset}
@@ -125,7 +126,7 @@ def test_dump_reproduces_the_run(listener, tmp_path):
     dumped.write_text(yaml.dump({'/linkage_node': {'ros__parameters': values}}))
     original = load('quadrilateral')
     drive = replace(original.drive, rpm=RPM, start_rpm=RPM)
-    assert load(str(dumped)) == replace(original, drive=drive)
+    assert load(str(dumped)) == with_linkage(original, drive=drive)
 
 
 @pytest.mark.parametrize('kind', [SetParameters, SetParametersAtomically])

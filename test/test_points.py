@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mechanisms import ALL, moving, traced
+from one_linkage import with_linkage
 from ros_harness import report_of
 
 from linkage_ros import (
@@ -188,7 +189,7 @@ def test_mirrored_mechanism_has_mirrored_points(mechanism):
 @pytest.mark.parametrize('preset', preset_names())
 def test_record_holds_every_point_to_the_bit(preset, tmp_path):
     mechanism = on_every_link(load(preset).mechanism)
-    configuration = replace(load(preset), mechanism=mechanism)
+    configuration = with_linkage(load(preset), mechanism=mechanism)
     path, table = tmp_path / 'run.mcap', tmp_path / 'run.csv'
     record(configuration, path, duration=0.1)
     report = report_of(path)
@@ -200,7 +201,7 @@ def test_record_holds_every_point_to_the_bit(preset, tmp_path):
     assert {x.name: x.role for x in log.topics if x.type == POINT_STAMPED.name} == {
         topic: topic[1:] for topic in topics
     }
-    simulator, found = Simulator(configuration), read_log(path)
+    simulator, found = Simulator(configuration.only), read_log(path)
     solver, motion = simulator.solver, simulator.begin(0, record_steps)
     stamps = np.round(found['/joint_states']['t'] * 1e9).astype(int).tolist()
     assert len(stamps) == round(0.1 * configuration.session.rate_hz)

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from joint_codec import encode_float64
 from mechanisms import FOLLOWED, load_values
+from one_linkage import run_alone, templates_of
 from ros_harness import CODEC, PATIENCE, assert_refused, command, decoded, logged, wait_for
 from state_messages import messages_at
 
@@ -28,6 +29,7 @@ from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.motion.steps import live_steps, record_steps
 from linkage_ros.programs import record as record_module
 from linkage_ros.programs.record import count_states, record
+from linkage_ros.run.batches import LinkageStates
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load, read_values
 
@@ -81,7 +83,7 @@ def test_the_states_are_the_solvers_to_the_bit(out, changes):
     (description,) = messages['/robot_description']
     assert description.data == encode_string(make_urdf(configuration.mechanism))
     solver, rate = Solver(configuration.mechanism), Fraction(configuration.session.rate_hz)
-    motion, (segment,) = configuration.drive.begin(0, None), log.motions
+    motion, (segment,) = configuration.drive.begin(0, None), log.motions['']
     states, torques = messages[STATES], messages['/driving_torque']
     assert len(states) == count > 200
     for tick, (message, torque) in enumerate(zip(states, torques, strict=True)):
@@ -130,10 +132,10 @@ def test_many_states_at_once_have_the_bits_of_each_alone(name, start, integrate)
     if values.get('drive') != 'torque':
         base = {} if 'mechanism' in values else read_values('quadrilateral')
         values = {**base, **values, 'effort_command_topic': 'torque', 'lead_time': 0.01}
-    simulator = Simulator(configure(values))
+    simulator = Simulator(configure(values).only)
     stamps = [start + simulator.ticks.elapsed(tick) for tick in range(900)]
     together, alone = (simulator.begin(start, integrate) for _ in range(2))
-    layout = RowLayout(simulator.templates, enumerate(simulator.templates.topics))
+    layout = RowLayout(templates_of(simulator), enumerate(templates_of(simulator).topics))
     single = b''.join(
         message_record(channel, (stamp, stamp), message)
         for stamp in stamps
@@ -143,7 +145,8 @@ def test_many_states_at_once_have_the_bits_of_each_alone(name, start, integrate)
     while stamps:  # one description at a time
         found = together.at_all(stamps)
         now, stamps = stamps[: len(found.unwrapped)], stamps[len(found.unwrapped) :]
-        many += layout.rows(now, now, simulator.numbers(found, simulator.ahead(together, now)))
+        part = simulator.part(found, simulator.ahead(together, now))
+        many += layout.rows(now, now, run_alone(simulator).row({'': part}))
         pieces += 1
     assert many == single
     assert (pieces > 4) == (name == 'limited crank')
@@ -153,7 +156,7 @@ def test_many_states_at_once_have_the_bits_of_each_alone(name, start, integrate)
 
 
 def states_below(simulator, duration, revolutions=None):
-    return count_states(simulator, simulator.begin(0), duration, revolutions)
+    return count_states([LinkageStates(simulator, simulator.begin(0))], duration, revolutions)
 
 
 def brute_count(rate, seconds):
@@ -168,7 +171,7 @@ def brute_count(rate, seconds):
 @pytest.mark.parametrize('rate', [0.01, 0.3, 3.0, 7.7, 59.94, 200.0, 333.3, 1e5])
 @pytest.mark.parametrize('duration', [1e-9, 1e-5, 0.005, 1 / 3, 1.1, 4.35])
 def test_duration_contains_the_stamps_below_it(rate, duration):
-    simulator = Simulator(preset(rate_hz=rate))
+    simulator = Simulator(preset(rate_hz=rate).only)
     if rate * duration < 5_000:
         assert states_below(simulator, duration) == brute_count(rate, duration)
 
@@ -176,7 +179,7 @@ def test_duration_contains_the_stamps_below_it(rate, duration):
 @pytest.mark.parametrize('rate', [200.0, 1000.0])
 def test_duration_of_whole_ticks_contains_that_many_states(rate):
     """At 1 kHz, 0.067 s contain 67 states: the state at 0.067 s is not in [0, 0.067)."""
-    simulator = Simulator(preset(rate_hz=rate))
+    simulator = Simulator(preset(rate_hz=rate).only)
     durations = {ticks: float(Fraction(ticks) / Fraction(rate)) for ticks in range(1, 1_001)}
     found = {ticks: states_below(simulator, duration) for ticks, duration in durations.items()}
     assert {ticks: count for ticks, count in found.items() if count != ticks} == {}
@@ -200,8 +203,8 @@ def test_record_writes_the_number_of_states_that_it_reports(out, duration):
     ],
 )
 def test_revolutions_hold_the_stamps_before_the_last_turn_ends(changes, revolutions, seconds):
-    simulator = Simulator(preset(**changes))
-    rate = simulator.configuration.session.rate_hz
+    simulator = Simulator(preset(**changes).only)
+    rate = simulator.linkage.session.rate_hz
     assert states_below(simulator, None, revolutions) == brute_count(rate, seconds)
 
 

@@ -6,11 +6,11 @@ import math
 import re
 import struct
 from contextlib import suppress
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from mechanisms import FOLLOWED, LIMITED, four_bar
+from one_linkage import answers_of, inputs_of, templates_of, with_linkage
 from other_bags import JOINTS, MS, START, WRITERS, measurement, robot, write_mcap, write_rosbag2
 from ros_harness import assert_refused, finished, logged, verified
 from rosbags import rosbag2
@@ -31,8 +31,8 @@ FOLLOW = configure(FOLLOWED)
 
 def live(configuration, messages):
     """Returns the messages of the states as the node makes them, one by one."""
-    simulator = Simulator(configuration)
-    (crank,), found = simulator.inputs().values(), []
+    simulator = Simulator(configuration.only)
+    (crank,), found = inputs_of(simulator).values(), []
     for time, data in messages:
         with suppress(ValueError):
             stamp, coordinates = crank.read(data, time)
@@ -52,7 +52,7 @@ def test_a_bag_of_another_writer_is_answered_like_live_measurements(tmp_path, wr
     assert len(due) == 300
     log, found = logged(out)
     assert [(one.time, one.data) for one in found['/measured_joint_states']] == messages
-    for i, topic in enumerate(simulator.templates.topics):
+    for i, topic in enumerate(templates_of(simulator).topics):
         states = [(one.time, one.data) for one in found[log.channel(topic).name]]
         assert states == [(time, made.messages[i]) for time, made in due]
     assert verified(out).states == 300
@@ -64,14 +64,14 @@ def test_extreme_measurements_are_rejected_in_batches_as_one_by_one(lead):
     (start, end), *_ = limited.reach().arcs
     nearest, joints = math.nextafter(end, start), Template(joint_state(('crank',), ''))
     for mechanism, inside in ((FOLLOW.mechanism, 0.5), (limited, end - 1e-3)):
-        configuration = replace(configure({**FOLLOWED, **lead}), mechanism=mechanism)
+        configuration = with_linkage(configure({**FOLLOWED, **lead}), mechanism=mechanism)
         values = [(inside, 0.0), (inside, 1e300), (inside, -1e13), (1e308, 0.0), (math.nan, 0.0),
                   (end, 5.0), (nearest, 5.0), (nearest, 1e12), (inside, 3.0)]  # fmt: skip
         messages = [(n, joints.pack(0, n * MS, *one, 0.0)) for n, one in enumerate(values, 1)]
         simulator, due, rejected = live(configuration, messages)
-        (crank,) = simulator.inputs().values()
-        times, stamps, numbers = crank.answers(messages, simulator.numbers)
-        assert crank.rejected == rejected
+        states = answers_of(simulator)
+        ((times, stamps, numbers, _),) = states.answers(messages)
+        assert states.rejected() == rejected
         assert times == [time for time, _ in due]
         assert stamps == [made.stamp for _, made in due]
         rows = np.transpose(numbers)

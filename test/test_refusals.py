@@ -122,7 +122,7 @@ EQUAL_ROD = SliderCrank(Body(1.0), Coupler(1.0), Slider(mass=1.0))
 
 def test_unmodified_values_are_accepted():
     for kind, values in GOOD.items():
-        assert configure(values).kind.mechanism == kind
+        assert configure(values).only.kind.mechanism == kind
     for mechanism in (CRANK_ROCKER, HEAVY, PARALLELOGRAM, CENTRIC):
         assert np.isfinite(state(mechanism, [0.1, 2.0], 3.0, -4.0).torque).all()
         assert all(map(math.isfinite, forces(mechanism, 0.2).shaking_force))

@@ -320,7 +320,7 @@ def test_failed_view_ends_the_replay(log, view):
 
 def test_commands_in_a_log_are_not_shown(called, tmp_path):
     configuration, path = load('quadrilateral'), tmp_path / 'run.mcap'
-    simulator = Simulator(configuration)
+    simulator = Simulator(configuration.only)
     motion = simulator.begin(0)
     command_ = JointStateCodec(('crank',)).encode(0, (0.0,), (0.0,), (1.0,))
     with LogWriter(path, configuration, overwrite=False) as log:
@@ -392,7 +392,7 @@ def test_message_that_cannot_be_published_is_one_line(called, monkeypatch, tmp_p
     configuration, path = load('quadrilateral'), tmp_path / 'run.mcap'
     with LogWriter(path, configuration, overwrite=False) as log:
         channel = log.add_topic(DRIVING_TORQUE, '/driving_torque')
-        log.write_motion(Simulator(configuration).begin(0).segment)
+        log.write_motion(Simulator(configuration.only).begin(0).segment)
         log.write(channel, 0, b'none' * 20)
     code, _, err = called(replay, path)
     assert code == 2

@@ -41,9 +41,9 @@ CONFIGURATION = load('quadrilateral')
 
 def run_of(configuration, count, rate=200, start=0):
     """Returns the stamps and states of a run from its start."""
-    simulator = Simulator(configuration)
+    simulator = Simulator(configuration.only)
     motion, stamps = simulator.begin(start), [start + n * 10**9 // rate for n in range(count)]
-    return [(stamp, simulator.state(motion.at(stamp))) for stamp in stamps]
+    return [(stamp, {'': simulator.state(motion.at(stamp))}) for stamp in stamps]
 
 
 def show(path, samples, configuration=CONFIGURATION, batch=37, **options):
@@ -93,7 +93,8 @@ def test_file_holds_every_sample(tmp_path, start, kind):
     stamps, states = map(list, zip(*samples, strict=True))
     curves = read(tmp_path / 'run.rrd')['/values']
     assert (curves['ros2_timestamp type'], curves['ros2_timestamp']) == (kind, stamps)
-    assert [row[0] for row in curves['Scalars:scalars']] == [state.torque for state in states]
+    torques = [state[''].torque for state in states]
+    assert [row[0] for row in curves['Scalars:scalars']] == torques
     assert (view.dropped, view.page) == (0, '')
     with pytest.warns(match='RRD file has no footer'):  # a footer would grow in memory
         rerun_chunk.RrdReader(tmp_path / 'run.rrd')
@@ -126,7 +127,7 @@ from linkage_ros.node.workers import Worker
 from linkage_ros.view import rerun_connection
 from linkage_ros.view.rerun_connection import View
 from linkage_ros.mechanism.kinematics import State
-samples = [(k * 10**7, State((k / 7, 1.0, 2.0), (0.0,) * 3, (0.0,) * 3, 0.0))
+samples = [(k * 10**7, {'': State((k / 7, 1.0, 2.0), (0.0,) * 3, (0.0,) * 3, 0.0)})
            for k in range(1000)]
 """
 

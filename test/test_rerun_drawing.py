@@ -91,7 +91,7 @@ def drawn(request, tmp_path_factory):
     """
     configuration = MECHANISMS[request.param]
     samples = run_of(configuration, 400)
-    stamps, states = map(list, zip(*samples, strict=True))
+    stamps, states = [stamp for stamp, _ in samples], [found[''] for _, found in samples]
     path = tmp_path_factory.mktemp('drawn') / 'run.rrd'
     assert show(path, samples, configuration).dropped == 0
     found, mechanism = read(path), configuration.mechanism
@@ -365,7 +365,7 @@ def test_only_the_reachable_arc_is_drawn():
     mechanism, solver = configuration.mechanism, Solver(configuration.mechanism)
     first, second = solver.mobility.arcs
     # A measured crank is expected in the first arc; an angle of 0 is in the other.
-    measured = RerunDrawing(replace(configuration, drive=FollowDrive())).drawing.paths['B']
+    measured = RerunDrawing(replace(configuration.only, drive=FollowDrive())).drawing.paths['B']
     assert np.array_equal(measured, Drawing(mechanism, sum(first) / 2).paths['B'])
     for (start, end), turns in itertools.product((first, second), (-2, 0, 1)):
         drawing = Drawing(mechanism, 0.3 * start + 0.7 * end + turns * 2 * math.pi)
@@ -385,7 +385,7 @@ def test_only_the_reachable_arc_is_drawn():
 )  # fmt: skip
 def test_curves_are_those_of_the_states_without_jumps(configuration, tmp_path):
     samples = run_of(configuration, 500, rate=500)
-    stamps, states = map(list, zip(*samples, strict=True))
+    stamps, states = [stamp for stamp, _ in samples], [found[''] for _, found in samples]
     show(tmp_path / 'run.rrd', samples, configuration, batch=7)
     found, curves = read(tmp_path / 'run.rrd'), []
     for entity in ('/values', '/rates', '/directions'):

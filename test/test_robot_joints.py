@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from joint_codec import JointStateCodec
 from mechanisms import FOLLOWED
+from one_linkage import TrajectoryAlone, alone, inputs_of, run_alone
 from other_bags import write_mcap
 from rclpy.serialization import deserialize_message
 from robots import Tree, make_robot
@@ -42,9 +43,8 @@ from linkage_ros.messages.joints import joint_rows, link_rows
 from linkage_ros.messages.templates import trajectory
 from linkage_ros.messages.topics import JOINT_STATE
 from linkage_ros.programs.record import record, record_measured
-from linkage_ros.programs.replay import motion_in
+from linkage_ros.programs.replay import motions_in
 from linkage_ros.run.states import Simulator
-from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import (
     configure,
     from_strings,
@@ -130,7 +130,7 @@ def robot_of(name, tmp_path, number=0, hip=None):
 
 def answers(simulator, values, speed=3.0):
     """Yields measured values of the crank's joint and their messages, if within reach."""
-    (crank,) = simulator.inputs().values()
+    (crank,) = inputs_of(simulator).values()
     codec = JointStateCodec([simulator.crank_joint])
     for number, value in enumerate(values, 1):
         data = codec.encode(number * 1_000_000, [value], [speed], [0.0])
@@ -141,7 +141,7 @@ def answers(simulator, values, speed=3.0):
 
 def mechanism_state(made, simulator):
     """Returns positions, velocities, accelerations and efforts by name of the joint."""
-    frame_id = simulator.configuration.session.frame_id
+    frame_id = simulator.linkage.session.frame_id
     codec = JointStateCodec(simulator.joints, frame_id, trajectory)
     _, numbers = codec.decode(made.messages[2])
     rows = np.reshape(numbers, (4, -1)).tolist()
@@ -151,7 +151,7 @@ def mechanism_state(made, simulator):
 @pytest.mark.parametrize('name', ROBOTS)
 def test_answers_close_the_robots_loop_with_its_torque(name, tmp_path):
     made, tree, configuration, found = robot_of(name, tmp_path)
-    simulator, random = Simulator(configuration), np.random.default_rng(1)
+    simulator, random = Simulator(configuration.only), np.random.default_rng(1)
     driven, reach = simulator.crank_joint, simulator.solver.reach
     values = found.given[driven] + np.cumsum(random.uniform(-0.08, 0.12, size=1000))
     if reach.slides:
@@ -181,9 +181,9 @@ def test_torque_of_a_linkage_on_a_swinging_hip(name, tmp_path):
     """The torque is that of the whole robot, at the rates that the filters find."""
     _, tree, configuration, found = robot_of(name, tmp_path, hip='revolute')
     configuration = from_strings(to_strings(configuration))
-    simulator, log = Simulator(configuration), tmp_path / 'leg.mcap'
+    simulator, log = Simulator(configuration.only), tmp_path / 'leg.mcap'
     codec, start = JointStateCodec(['hip', 'crank_motor']), found.given['crank_motor']
-    (crank,), answers, bag = simulator.inputs().values(), [], []
+    (crank,), answers, bag = inputs_of(simulator).values(), [], []
     for n in range(1, 301):
         # The hip swings with up to 5 rad/s and 40 rad/s^2.
         values = [0.625 * math.sin(8e-3 * n), start + 0.2 * math.sin(0.023 * n)]
@@ -221,7 +221,7 @@ FRAME_JOINT = {'frame_joint.name': 'hip', 'frame_joint.pivot': (0.1, 0.2)}
 
 
 def test_measurements_without_the_frame_joint_are_rejected():
-    (crank,) = Simulator(configure({**FOLLOWED, **FRAME_JOINT})).inputs().values()
+    (crank,) = inputs_of(Simulator(configure({**FOLLOWED, **FRAME_JOINT}).only)).values()
 
     def answer(n, **joints):
         codec = JointStateCodec([*joints])
@@ -287,10 +287,10 @@ def driven(drive, **changes):
 
 @pytest.mark.parametrize('drive', DRIVES)
 def test_every_drive_maps_its_messages(drive, tmp_path):
-    mapped, plain = (Simulator(driven(drive, **changes)) for changes in (JOINTS, {}))
+    mapped, plain = (Simulator(driven(drive, **changes).only) for changes in (JOINTS, {}))
     assert mapped.joints == ('hip_motor', 'rod', 'left_rocker')
     assert mapped.description is None
-    assert Simulator(driven(drive, **JOINTS, publish_description=True)).description
+    assert Simulator(driven(drive, **JOINTS, publish_description=True).only).description
     found, due = (
         mechanism_state(messages_at(x, x.begin(0), 700_000_000), x) for x in (mapped, plain)
     )
@@ -309,7 +309,7 @@ def test_every_drive_maps_its_messages(drive, tmp_path):
     # A view of a log shows the linkage itself.
     for simulator in (mapped, plain):
         _, state, _, messages = messages_at(simulator, simulator.begin(0), 700_000_000)
-        _, places, rates, torque = motion_in(simulator, [(0, messages[0])])
+        _, places, rates, torque = motions_in(run_alone(simulator), [(0, messages[0])])['']
         assert np.remainder(places[0] - state.position + 1, math.tau) == pytest.approx(
             1, abs=1e-12
         )
@@ -317,16 +317,17 @@ def test_every_drive_maps_its_messages(drive, tmp_path):
         assert torque[0, 0] == pytest.approx(state.torque, rel=1e-12)
     # A record verifies, and its configuration survives.
     log = tmp_path / 'run.mcap'
-    record(mapped.configuration, str(log), duration=2.0)
+    record(alone(mapped.linkage), str(log), duration=2.0)
     report = report_of(log)
     assert report.difference == ''
     assert report.ulp <= (4.0 if drive == 'torque' else 0.0)
-    assert from_strings(to_strings(mapped.configuration)) == mapped.configuration
+    own = alone(mapped.linkage)
+    assert from_strings(to_strings(own)) == own
 
 
 def test_trajectory_and_command_are_those_of_the_motor():
-    mapped, plain = (Simulator(driven('speed', **changes)) for changes in (JOINTS, {}))
-    messages = [TrajectoryAhead(x).message_at(x.begin(0), 0) for x in (mapped, plain)]
+    mapped, plain = (Simulator(driven('speed', **changes).only) for changes in (JOINTS, {}))
+    messages = [TrajectoryAlone(x).message_at(x.begin(0), 0) for x in (mapped, plain)]
     found, due = (deserialize_message(x, JointTrajectory) for x in messages)
     assert found.joint_names == ['hip_motor']
     for one, own in zip(found.points, due.points, strict=True):
@@ -334,15 +335,15 @@ def test_trajectory_and_command_are_those_of_the_motor():
         assert one.velocities[0] == -5.0 * own.velocities[0]
         assert one.accelerations[0] + 0.0 == -5.0 * own.accelerations[0] + 0.0
         assert one.effort[0] == own.effort[0] / -5.0
-    plant = Simulator(driven('torque', **JOINTS, torque_limit=20.0))
-    (commands,) = plant.inputs().values()
+    plant = Simulator(driven('torque', **JOINTS, torque_limit=20.0).only)
+    (commands,) = inputs_of(plant).values()
     assert commands.commanded(['hip_motor'], [-3.0]) == 15.0
     assert commands.commanded(['hip_motor'], [-5.0]) == 20.0
 
 
 def test_unpublished_joint(tmp_path):
     changes = {**JOINTS, 'joints.coupler.name': ''}
-    simulator, every = (Simulator(configure({**FOLLOWED, **x})) for x in (changes, JOINTS))
+    simulator, every = (Simulator(configure({**FOLLOWED, **x}).only) for x in (changes, JOINTS))
     assert simulator.joints == ('hip_motor', 'left_rocker')
     pairs = zip(answers(simulator, [0.1]), answers(every, [0.1]), strict=True)
     for (_, one), (_, other) in pairs:
@@ -350,9 +351,9 @@ def test_unpublished_joint(tmp_path):
         assert state.names == ['hip_motor', 'left_rocker']
         assert state.positions == full.positions[::2]
         named = zip(state.names, state.positions, strict=True)
-        numbers = simulator.templates.numbers(one.state, state.positions[0])
+        numbers = simulator.numbers.of(one.state, state.positions[0])
         assert simulator.joint_words(numbers) == ', '.join(f'{x} {y:.6g} rad' for x, y in named)
-        _, places, *_ = motion_in(simulator, [(0, one.messages[0])])
+        _, places, *_ = motions_in(run_alone(simulator), [(0, one.messages[0])])['']
         assert places[0, 1:] == pytest.approx(one.state.position[1:], abs=1e-12)
 
 
@@ -435,7 +436,7 @@ def test_joint_on_a_slider_is_measured_from_its_guide(mapped):
         'frame.angle': 0.2, 'rpm': 60.0, 'dyads.d.from': 'slider', 'dyads.d.to': 'frame',
         'dyads.d.to_at': [0.5, 0.6], 'dyads.d.first.length': 0.4, 'dyads.d.second.length': 0.5,
     }  # fmt: skip
-    simulator = Simulator(configure({**values, **mapped}))
+    simulator = Simulator(configure({**values, **mapped}).only)
     links, joints = simulator.solver.structure.links, simulator.robot_joints
     state = simulator.solver.state(1.0, 2.0, 0.0)
     found = np.array(joint_rows(links, state, 1.0, joints)[:2], float)

@@ -118,7 +118,7 @@ def test_log_of_a_stalled_disk_verifies(disk, tmp_path, called, drive):
         assert report.stops_at_gap == (drive == 'follow')
         assert report.states > (0 if report.stops_at_gap else 100)
         if drive == 'speed':
-            assert len(log.motions) == 7
+            assert len(log.motions['']) == 7
         code, out, _ = called(log_tool, 'verify', found)
         assert (code, f'because the disk was too slow: {lost}' in out) == (0, True)
 

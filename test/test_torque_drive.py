@@ -11,12 +11,13 @@ import pytest
 from joint_codec import JointStateCodec
 from live_logs import START, live, ticks
 from mechanisms import load_values
+from one_linkage import inputs_of, templates_of, with_linkage
 from ros_harness import decoded, logged, report_of, verified
 from state_messages import messages_at, messages_of
 from test_playback import Clock
 
 from linkage_ros import ConfigurationError, LogError, MotionError, Solver
-from linkage_ros.log.torque_states import TorqueStates
+from linkage_ros.log.torque_states import DrivenStates
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.mechanism import program
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS
@@ -52,8 +53,9 @@ def sprung(stiffness):
 
 def changed(configuration=PUMP, **parts):
     """Returns a configuration with other fields, grouped by the part that contains them."""
-    new = {name: replace(getattr(configuration, name), **f) for name, f in parts.items()}
-    return replace(configuration, **new)
+    only = configuration.only
+    new = {name: replace(getattr(only, name), **f) for name, f in parts.items()}
+    return with_linkage(configuration, **new)
 
 
 def cranks(path):
@@ -83,7 +85,7 @@ def test_a_limited_crank_may_be_driven_by_a_torque_but_not_at_a_speed():
         configure({**values, 'rpm': 1.0})
     driven = {**values, 'drive': 'torque'}
     swings = configure({**driven, 'crank_angle': 0.5})
-    assert 'transmission' not in summary(swings, Solver(swings.mechanism))
+    assert 'transmission' not in summary(swings.only, Solver(swings.mechanism))
     with pytest.raises(
         ConfigurationError,
         match=r'^crank_angle = 3\.14\d* rad: .* at .* = 180 deg: [^;]*; it reaches .* deg$',
@@ -146,7 +148,7 @@ def test_a_gap_between_commands_is_warned_of_until_its_end_and_three_for_ten_sec
 def test_commands_without_a_limit_are_noted(configuration):
     limited = changed(configuration, drive={'torque_limit': 9.0})
     for given, count in ((configuration, 1), (limited, 0)):
-        (source,) = Simulator(given).inputs().values()
+        (source,) = inputs_of(Simulator(given.only)).values()
         found = source.notes('/commands')
         assert len(found) == count
         assert all('torque_limit' in line and '/commands' in line for line in found)
@@ -230,22 +232,22 @@ def test_a_live_run_refuses_a_motion_that_takes_too_many_steps():
     words = r'oscillation takes 0\.\d+ ms and a tick 5 ms: .*(\d\d+ steps per ms|too fast)'
     for values in (sprung(1e9), sprung(1e6), {'start_rpm': 1e5}):
         with pytest.raises(ConfigurationError, match=words):
-            Simulator(configure({'drive': 'torque', **values})).prepare_live()
-    Simulator(configure({'drive': 'torque', **sprung(1e4)})).prepare_live()
+            Simulator(configure({'drive': 'torque', **values}).only).prepare_live()
+    Simulator(configure({'drive': 'torque', **sprung(1e4)}).only).prepare_live()
 
 
 @pytest.mark.parametrize(('rate', 'timeout'), [(5.0, 0.2), (3.0, 0.333333333), (62.5, 0.016)])
 def test_a_live_run_refuses_commands_that_expire_within_a_tick(rate, timeout):
     values = {'drive': 'torque', 'rate_hz': rate}
-    Simulator(configure({**values, 'command_timeout': timeout})).prepare_live()
-    short = Simulator(configure({**values, 'command_timeout': 0.999 * timeout}))
+    Simulator(configure({**values, 'command_timeout': timeout}).only).prepare_live()
+    short = Simulator(configure({**values, 'command_timeout': 0.999 * timeout}).only)
     with pytest.raises(ConfigurationError, match=f'must be at least a tick, {timeout} s'):
         short.prepare_live()
 
 
 def test_the_first_tick_of_a_live_run_compiles_nothing(monkeypatch):
     program._tapes_of.cache_clear()  # as in a new process
-    simulator = Simulator(STEEP)
+    simulator = Simulator(STEEP.only)
     simulator.prepare_live()
     monkeypatch.delattr(Tape, '_compiled')
     assert simulator.begin(START).at(START + NS_PER_MS).u[0] == pytest.approx(5 * math.pi)
@@ -272,7 +274,7 @@ def test_a_live_run_verifies_through_commands_and_clock_steps(tmp_path, configur
     report = verified(path)
     assert report.states == sum(kind in {'tick', 'step'} for kind, _ in PLAN)
     assert report.missed == 7 + 3 + 12_000 + 1_200
-    torques = [segment.torque for segment in logged(path)[0].motions]
+    torques = [segment.torque for segment in logged(path)[0].motions['']]
     assert torques == [fast.drive.motor.torque, -1.5, -1.5, -1.5, 4.0, 4.0, 4.0]
 
 
@@ -289,7 +291,7 @@ def test_long_gaps_at_extreme_speeds_verify(tmp_path, rpm, torques):
 
 @pytest.mark.parametrize('rate_hz', [1000.0, 0.5])
 def test_plant_is_paused_only_while_a_tick_is_over_a_quarter_second_late(rate_hz):
-    simulator, drive = Simulator(changed(session={'rate_hz': rate_hz})), PUMP.drive
+    simulator, drive = Simulator(changed(session={'rate_hz': rate_hz}).only), PUMP.drive
     motion, latest = simulator.begin(START), simulator.ticks.elapsed(1) + 250_000_000
     before, first = motion.at(START), motion.segment
     assert motion.under(START + latest, OWN_CONDITIONS, drive).segment is first
@@ -301,7 +303,7 @@ def test_plant_is_paused_only_while_a_tick_is_over_a_quarter_second_late(rate_hz
 
 
 def test_change_of_motor_torque_keeps_the_command_in_force():
-    simulator = Simulator(QUADRILATERAL)
+    simulator = Simulator(QUADRILATERAL.only)
     motion = simulator.begin(START)
     motion.command(START, 3.0)
     motor = replace(QUADRILATERAL.drive.motor, torque=5.0)
@@ -311,10 +313,12 @@ def test_change_of_motor_torque_keeps_the_command_in_force():
 
 def forge(path, claimed, real):
     """Records one run with the configuration of another."""
-    simulator, motion = Simulator(real), Simulator(real).begin(0, AdaptiveSteps)
+    simulator, motion = Simulator(real.only), Simulator(real.only).begin(0, AdaptiveSteps)
     with LogWriter(path, claimed, overwrite=False) as log:
-        channels = [log.add_topic(topic, f'/{topic.name}') for topic in simulator.templates.topics]
-        log.write_motion(Simulator(claimed).begin(0).segment)
+        channels = [
+            log.add_topic(topic, f'/{topic.name}') for topic in templates_of(simulator).topics
+        ]
+        log.write_motion(Simulator(claimed.only).begin(0).segment)
         for tick in range(20):
             stamp = simulator.ticks.elapsed(tick)
             made = messages_at(simulator, motion, stamp)
@@ -389,7 +393,7 @@ def elsewhere(shift, simulator, made, slide=0.0):
     ],
 )
 def test_changed_state_is_detected(tmp_path, alter, words):
-    simulator = Simulator(PUMP)
+    simulator = Simulator(PUMP.only)
 
     def change(number, made):
         return alter(simulator, made) if number == 30 else made.messages
@@ -402,7 +406,7 @@ def test_changed_state_is_detected(tmp_path, alter, words):
 
 def test_states_of_a_good_log_are_checked_together(tmp_path, monkeypatch):
     """Checking a state alone takes many times as long."""
-    monkeypatch.setattr(TorqueStates, '_difference', lambda *_: 'checked alone')
+    monkeypatch.setattr(DrivenStates, '_difference', lambda *_: 'checked alone')
     verified(live(tmp_path / 'run.mcap', PUMP, ticks(60)))
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import yaml
 from mechanisms import FOLLOWED
+from one_linkage import TrajectoryAlone, run_alone
 from rclpy.serialization import deserialize_message
 from ros_harness import (
     CODEC,
@@ -41,8 +42,7 @@ from linkage_ros.log.recover import recover
 from linkage_ros.log.rows import LoggedState
 from linkage_ros.log.tables import write_csv
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.messages.fields import Template
-from linkage_ros.messages.templates import ZERO_EFFORT, float64_array
+from linkage_ros.messages.templates import encode_efforts
 from linkage_ros.messages.topics import DIAGNOSTICS
 from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.under_torque import Motor, TorqueMotion
@@ -50,7 +50,6 @@ from linkage_ros.node import commanded_torque
 from linkage_ros.node.commanded_torque import CommandedTorque
 from linkage_ros.programs.log_commands import info
 from linkage_ros.run.states import Simulator
-from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import configure, read_values
 from linkage_ros.units import NS_PER_S
 
@@ -170,7 +169,7 @@ def assert_moves_without_torque(path):
     verified(path)
     log, messages = logged(path)
     states = [CODEC.decode(message.data) for message in messages[PLANT][-50:]]
-    solver = Simulator(log.configuration).solver
+    solver = Simulator(log.configuration.only).solver
     (first, numbers), *_ = states
     angle, speed = numbers[0], numbers[3]
     start = Coordinates((math.remainder(angle, 4 * math.pi),), (speed,), (0.0,), angle)
@@ -373,7 +372,7 @@ def test_torque_that_a_late_tick_commands_after_the_end_is_ended_again():
 
 
 START, CAUSES = 1_795_000_000_000_000_000, ('measurement_timeout', 'SIGINT')
-NOT_ZERO = Template(float64_array('torque')).pack(1e-300)
+ZERO_EFFORT, NOT_ZERO = encode_efforts([0.0]), encode_efforts([1e-300])
 
 
 def write(path, ends, efforts):
@@ -381,10 +380,10 @@ def write(path, ends, efforts):
     given = {**read_values('quadrilateral'), 'effort_command_topic': EFFORTS,
              'trajectory_command_topic': TRAJECTORIES}  # fmt: skip
     configuration = configure(given)
-    simulator = Simulator(configuration)
-    motion, ahead = simulator.begin(START), TrajectoryAhead(simulator)
+    simulator = Simulator(configuration.only)
+    motion, ahead = simulator.begin(START), TrajectoryAlone(simulator)
     with LogWriter(path, configuration, overwrite=True) as log:
-        channels = log.add_states(simulator.templates, lambda topic: topic.name)
+        channels = log.add_states(run_alone(simulator).templates, lambda topic: topic.name)
         trajectories = log.add_topic(ahead.topic, TRAJECTORIES)
         log.add_topic(DIAGNOSTICS, '/diagnostics')  # as in a live run
         log.write_motion(motion.segment)
@@ -400,7 +399,7 @@ def write(path, ends, efforts):
                 log.consume([end for end in ends if end.stamp == stamp])
                 if stamp in efforts:
                     log.write(channels[EFFORTS], stamp, efforts[stamp])
-                    log.write(trajectories, stamp, ahead.zero(1.25))
+                    log.write(trajectories, stamp, ahead.zero({'': 1.25}))
     return path
 
 

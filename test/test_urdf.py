@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 import yaml
 from geometry_msgs.msg import PointStamped
+from one_linkage import templates_of
 from pages import block, read
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -38,12 +39,12 @@ DOCUMENTED = yaml.safe_load(block(read('docs/urdf.md'), 'ros__parameters'))
 def linkage(preset, stamp=STAMP, **values):
     """Returns a simulator and its messages at a stamp."""
     parameters = {k: v for k, v in load(preset).parameters().items() if v is not None}
-    simulator = Simulator(configure({**parameters, **values}))
+    simulator = Simulator(configure({**parameters, **values}).only)
     return simulator, messages_at(simulator, simulator.begin(0), stamp)
 
 
 def message(simulator, made, topic, kind):
-    return deserialize_message(made.messages[simulator.templates.topics.index(topic)], kind)
+    return deserialize_message(made.messages[templates_of(simulator).topics.index(topic)], kind)
 
 
 def numbers(element, key):
@@ -85,9 +86,9 @@ def pose(data, frame):
 
 def expected(simulator, made):
     """Returns position, x + iy, and direction of each moving link, in the link with the pivots."""
-    mechanism, angles = simulator.configuration.mechanism, made.state.position
+    mechanism, angles = simulator.linkage.mechanism, made.state.position
     pin = mechanism.crank.length * cmath.exp(1j * angles[0])
-    kind = simulator.configuration.kind.mechanism
+    kind = simulator.linkage.kind.mechanism
     if kind == 'inverted_slider_crank':
         pivot = mechanism.frame.length * cmath.exp(1j * mechanism.frame.angle)
         return {'crank': (0j, angles[0]), 'barrel': (pivot, angles[1]), 'rod': (pin, angles[1])}
@@ -102,14 +103,14 @@ def expected(simulator, made):
 
 
 def assert_poses(data, simulator, made):
-    session = simulator.configuration.session
+    session = simulator.linkage.session
     place, axes = pose(data, session.frame_id)
     for name, (pin, angle) in expected(simulator, made).items():
         found, turned = pose(data, f'{session.joint_prefix}{name}_link')
         due = place + axes @ [pin.real, pin.imag, 0.0]
         assert np.allclose(found, due, rtol=0, atol=1e-14)
         assert np.allclose(turned[:, 0], axes @ [math.cos(angle), math.sin(angle), 0], atol=1e-14)
-    for traced in simulator.configuration.mechanism.points:
+    for traced in simulator.linkage.mechanism.points:
         message_ = message(simulator, made, point_topic(traced.name), PointStamped)
         assert message_.header.frame_id == session.frame_id
         found, turned = pose(data, f'{session.joint_prefix}{traced.link}_link')

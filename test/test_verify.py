@@ -15,6 +15,7 @@ from golden import LOGS, STATES, first_difference, messages
 from live_logs import START, live, ticks
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap_records import records_of, write_records
+from one_linkage import templates_of
 from ros_harness import PATIENCE, assert_refused, command, decoded, logged, report_of, verified
 
 from linkage_ros import LogError, __version__, read_log
@@ -65,7 +66,7 @@ CHANGED = sum(kind in {'tick', 'step'} for kind, _ in CHANGES)
 def test_records_of_all_presets_are_equal_to_the_bit(tmp_path, preset):
     count = record(load(preset), tmp_path / 'run.mcap', duration=1.3)
     report = assert_equal(tmp_path / 'run.mcap', count)
-    topics = (*Simulator(load(preset)).templates.topics, ROBOT_DESCRIPTION)
+    topics = (*templates_of(Simulator(load(preset).only)).topics, ROBOT_DESCRIPTION)
     assert set(report.compared) == {f'/{t.name}' for t in topics}
     assert report.others == report.absent == ()
 
@@ -284,7 +285,7 @@ def test_values_within_four_ulp_of_the_largest_are_equal_and_others_reported(pat
     value, place, largest = number(path, 40)
     other = value + ulp * math.ulp(largest)
     rewrite(path, written_over('/joint_states', 40, place, other))
-    stamp = logged(path)[0].motions[0].stamp + 40 * 5_000_000
+    stamp = logged(path)[0].motions[''][0].stamp + 40 * 5_000_000
     code, out, _ = called(log_tool, 'verify', path)
     if ulp in {1, 4}:
         assert code == 0

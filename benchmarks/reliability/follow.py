@@ -26,6 +26,7 @@ from realtime import SETTLE
 from linkage_lab.reference.states import Reference
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
+from linkage_ros.run.robot import Robot
 from linkage_ros.run.states import Simulator
 
 RATES = (100.0, 500.0, 1000.0)  # Hz
@@ -51,12 +52,12 @@ def compared(path: Path) -> dict:
     """Verifies a log; returns the errors of joints, rad, and relative errors of rates."""
     errors = []
     log = LogReader(path)
-    simulator, difference = Simulator(log.configuration), verify(log).difference
+    simulator, difference = Simulator(log.configuration.only), verify(log).difference
     data = b''.join(message.data for message in log.messages([ANSWERS]))
-    _, answers = simulator.templates.joint_states.read(data)
+    _, answers = Robot(log.configuration).templates.of(('',)).joint_states.read(data)
     for values in answers[:: 1 + len(answers) // COMPARED].tolist():
         crank, coupler, rocker, speed, *rates = values[:6]
-        exact = Reference(simulator.configuration.mechanism, speed, 0.0).state(crank)
+        exact = Reference(simulator.linkage.mechanism, speed, 0.0).state(crank)
         ours = coupler + crank, rocker, rates[0] / speed + 1.0, rates[1] / speed
         true = *exact['position'], *(rate / speed for rate in exact['rate'])
         apart = (float(a - b) for a, b in zip(ours, true, strict=True))

@@ -32,6 +32,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.messages.cdr import stamp_of
+from linkage_ros.run.robot import Robot
 from linkage_ros.run.states import Simulator
 from linkage_ros.view.viewer_process import find_viewer, free_address
 
@@ -97,10 +98,10 @@ def server():
 def errors(log: LogReader, simulator: Simulator, stamps: set[int]) -> dict[int, float]:
     """Returns the errors of the rocker's logged angle at some stamps, rad."""
     mp.dps = 50
-    oracle = Oracle(simulator.configuration.mechanism)
+    oracle = Oracle(simulator.linkage.mechanism)
     found = {}
     for message in log.messages(['/joint_states']):
-        read = simulator.templates.joint_states.read(message.data)
+        read = Robot(log.configuration).templates.of(('',)).joint_states.read(message.data)
         (stamp,), (values,) = (column.tolist() for column in read)
         if stamp in stamps:
             angle = mpf(log.configuration.drive.crank_angle)
@@ -120,7 +121,7 @@ def account(path: Path, heard: Path, output: str) -> dict:
     report = verify(log)
     topics = Counter(message.topic for message in log.messages())
     stamps = [stamp_of(m.data) for m in log.messages(['/joint_states'])]
-    simulator = Simulator(log.configuration)
+    simulator = Simulator(log.configuration.only)
     ends = errors(log, simulator, {*stamps[:1000], *stamps[-1000:]})
     received = np.load(heard)[:, 0]
     return {

@@ -26,7 +26,7 @@ from linkage_ros.settings.configuration import load
 def main() -> None:
     """Publishes until SIGINT."""
     period = 1.0 / float(sys.argv[1])
-    simulator = Simulator(load('quadrilateral'))
+    simulator = Simulator(load('quadrilateral').only)
     late: list[int] = []
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('timer_node')

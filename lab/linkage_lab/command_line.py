@@ -47,6 +47,9 @@ def _quantity(text: str) -> str:
     return text
 
 
+_LINKAGE: cli.Option = (('--linkage',), None, {
+    'metavar': 'NAME', 'default': '', 'help': 'the linkage, if PARAMS has several',
+})  # fmt: skip
 _OUT: cli.Option = (('--out',), None, {
     'type': Path, 'default': Path(), 'metavar': 'DIR',
     'help': 'folder for the results, created if needed (default: the current folder)',
@@ -86,7 +89,7 @@ def _parser() -> argparse.ArgumentParser:
             _run, 'what a parameter file means: the linkage with all names, and in words',
             ('shaper', 'my_linkage.yaml --dimensions --at 85deg --out charts'),
             (
-                (('params',), None, params),
+                (('params',), None, params), _LINKAGE,
                 (('--at',), _PLACE,
                  {'metavar': 'PLACE', 'note': ' (default: as drawn, or a place that shows all)'}),
                 (('--dimensions',), None,
@@ -99,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
             ('quadrilateral --at 85deg', 'excavator --at 1.2 --speed 0.1',
              'my_linkage.yaml --at 85deg --rpm 30 --csv state.csv'),
             (
-                (('params',), None, params),
+                (('params',), None, params), _LINKAGE,
                 (('--at',), _PLACE,
                  {'metavar': 'PLACE', 'note': ' (default: the start, or as drawn)'}),
                 rpm,
@@ -123,6 +126,7 @@ def _parser() -> argparse.ArgumentParser:
                 (('params',), None,
                  {'metavar': 'PARAMS', 'nargs': '+',
                   'help': f'{presets}; several are compared'}),
+                _LINKAGE,
                 rpm,
                 (('--acceleration',),
                  Quantity('number', 'crank acceleration at every angle', 'rad/s^2', -1e9, 1e9),
@@ -152,7 +156,7 @@ def _parser() -> argparse.ArgumentParser:
             ('wiper wiper.html', 'quadrilateral quadrilateral.gif',
              'my_linkage.yaml my_linkage.mp4 --rpm 30'),
             (
-                (('params',), None, params),
+                (('params',), None, params), _LINKAGE,
                 (('out',), None,
                  {'type': Path, 'metavar': 'OUT', 'help': '.html, .gif or .mp4 file'}),
                 rpm, cli.OVERWRITE,
@@ -170,7 +174,7 @@ def _parser() -> argparse.ArgumentParser:
             _run, 'error of the torque without each of its terms: pictures and JSON',
             ('quadrilateral', 'my_linkage.yaml --rpm 30 60 --tolerance 0.02 --quick --out charts'),
             (
-                (('params',), None, params),
+                (('params',), None, params), _LINKAGE,
                 _QUICK,
                 (('--rpm',), _RPM,
                  {'nargs': '+', 'metavar': 'N',
@@ -203,6 +207,7 @@ def _parser() -> argparse.ArgumentParser:
                 (('params',), None,
                  {'nargs': '?', 'default': 'wind_pump', 'metavar': 'PARAMS',
                   'help': 'parameter file, or a preset (default wind_pump)'}),
+                _LINKAGE,
                 _QUICK,
                 (('--speeds',),
                  Quantity('number', 'initial crank speed', 'rad/s', 1e-6, 1e6),

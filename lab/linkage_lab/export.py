@@ -65,7 +65,7 @@ def _write(
         ConfigurationError: The parameters are invalid, or the file has another suffix, exists
             without --overwrite, or cannot be written.
     """
-    configuration, out = load(options.params), options.out
+    configuration, out = load(options.params).linkage(options.linkage), options.out
     if options.joint_prefix is not None:
         session = replace(configuration.session, joint_prefix=options.joint_prefix)
         configuration = replace(configuration, session=session)
@@ -92,6 +92,8 @@ def _parser() -> argparse.ArgumentParser:
             (('params',), None, {'metavar': 'PARAMS', 'help': presets}),
             (('out',), None,
              {'metavar': f'OUT{suffix}', 'type': Path, 'help': 'the file to write; - prints it'}),
+            (('--linkage',), None,
+             {'metavar': 'NAME', 'default': '', 'help': 'the linkage, if PARAMS has several'}),
             (('--joint-prefix',), None,
              {'metavar': 'TEXT',
               'help': 'prefix of every joint and link name (default: joint_prefix of the file)'}),

@@ -18,9 +18,9 @@ from linkage_lab.charts.sketch import HIGH, describe, draw_sketch, sketch_of
 from linkage_lab.output import DPI, STYLE, WIDTH, rounded
 from linkage_lab.period import Period, logged_period, period_to_show
 from linkage_ros import Drawing, LinkageError, Mechanism, Solver, load
-from linkage_ros.internals import Configuration, configuration_of, logged_states
+from linkage_ros.internals import Configuration, Linkage, configuration_of, logged_states
 
-Thing: TypeAlias = str | Path | Mechanism | Drawing | Solver | Configuration
+Thing: TypeAlias = str | Path | Mechanism | Drawing | Solver | Configuration | Linkage
 
 _MOST = 4000  # states of a log that are shown
 _RPM = 60.0  # of a mechanism without a speed of its own
@@ -86,16 +86,18 @@ def show(thing: Thing, rpm: float | None) -> Shown:
     return Shown(f'{name}: {motion.words if motion else repr(design.mechanism)}', parts)
 
 
-def _configured(thing: Any, rpm: float | None) -> Configuration:
-    if isinstance(thing, Configuration):
-        return thing
+def _configured(thing: Any, rpm: float | None) -> Linkage:
     if isinstance(thing, (str, Path)):
-        return load(str(thing))
+        thing = load(str(thing))
+    if isinstance(thing, Configuration):
+        return thing.only
+    if isinstance(thing, Linkage):
+        return thing
     made = thing.mechanism if isinstance(thing, Solver) else thing
     return configuration_of(made, _RPM if rpm is None else rpm)
 
 
-def _logged(path: Path) -> tuple[Configuration, _Motion]:
+def _logged(path: Path) -> tuple[Linkage, _Motion]:
     """Reads a log, up to the first step of its clock backwards.
 
     Raises:
@@ -108,7 +110,7 @@ def _logged(path: Path) -> tuple[Configuration, _Motion]:
     return design, _Motion(path.name, words, period)
 
 
-def _periodic(name: str, design: Configuration, rpm: float | None) -> _Motion:
+def _periodic(name: str, design: Linkage, rpm: float | None) -> _Motion:
     """Computes the motion of a configuration, as `linkage_chart motion` does.
 
     Raises:

@@ -20,7 +20,7 @@ import numpy as np
 from linkage_ros import ConfigurationError, __version__
 from linkage_ros.cli import progress_bar
 from linkage_ros.formulas import Array
-from linkage_ros.internals import notes, replacement, require_new, text_output
+from linkage_ros.internals import notes_on, replacement, require_new, text_output
 
 # Charts must be readable at half size, 700 pixels wide; the smallest text is then 8 pixels high.
 WIDTH, DPI = 10.0, 140  # inches, and pixels per inch
@@ -84,9 +84,9 @@ def new_file(options: argparse.Namespace, path: Path) -> Path:
     return path
 
 
-def doubts(*configurations: Any) -> list[str]:
+def doubts(*linkages: Any) -> list[str]:
     """Returns a line for each parameter that was probably given in another unit."""
-    return [line for one in configurations for line in notes(one)]
+    return [line for one in linkages for line in notes_on(one)]
 
 
 def progress(items: Iterable[Any], words: str) -> Iterable[Any]:

@@ -70,7 +70,7 @@ def pose_of(made, own):
 def joints_of(found, solver, state):
     """Returns position, rate and acceleration of the robot's joints in messages, by name."""
     configuration = configure({'drive': 'follow', **found.parameters})
-    structure, joints = solver.structure, configuration.robot_joints
+    structure, joints = solver.structure, configuration.only.robot_joints
     driven = structure.driven
     value = joints[driven].value(state.position[driven])
     rows = joint_rows(structure.links, state, value, joints, driven)

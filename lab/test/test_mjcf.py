@@ -16,6 +16,7 @@ import mujoco  # required by these tests: without it they must fail, not be skip
 import numpy as np
 import pytest
 from mechanisms import MOVING_GUIDES, load_values, traced
+from one_linkage import with_linkage
 from pages import block, read, run_python
 from ros_harness import assert_refused
 from test_mujoco import slipped
@@ -57,11 +58,11 @@ def pump(**values):
     """Returns the compressor with a constant force instead of its load curve."""
     configuration = changed('compressor', **values)
     loads = (LinkLoad('slider', -150.0, 25.0, name='push'),)
-    return replace(configuration, mechanism=replace(configuration.mechanism, loads=loads))
+    return with_linkage(configuration, mechanism=replace(configuration.mechanism, loads=loads))
 
 
 def start_of(configuration):
-    simulator = Simulator(configuration)
+    simulator = Simulator(configuration.only)
     return simulator.state(simulator.begin(0).at(0))
 
 
@@ -125,7 +126,7 @@ def test_the_motor_and_the_sensors_have_the_names_of_the_page():
 def test_traced_points_of_every_link_are_sensors(preset):
     configuration = load(preset)
     mechanism = traced(configuration.mechanism)
-    configuration = replace(configuration, mechanism=mechanism)
+    configuration = with_linkage(configuration, mechanism=mechanism)
     _, data = exported(configuration)
     for point in mechanism.points:
         place = Solver(mechanism).point(start_of(configuration), point.name).position
@@ -213,7 +214,7 @@ def run(configuration, seconds, mechanism=None):
     """
     model, data = exported(configuration, mechanism)
     mujoco.mj_resetDataKeyframe(model, data, model.key('start').id)
-    simulator, drive = Simulator(configuration), configuration.drive
+    simulator, drive = Simulator(configuration.only), configuration.drive
     solver, given = simulator.solver, simulator.begin(0)
     step = round(model.opt.timestep * NS_PER_S)
     is_motor = isinstance(drive, TorqueDrive)

@@ -54,7 +54,7 @@ def design_of(source):
 def written(design, at=None):
     """Returns the texts of the drawing with dimensions, and their boxes."""
     axes = Figure(figsize=(10.0, 7.0), dpi=140).add_axes((0.02, 0.02, 0.96, 0.96))
-    draw_sketch(axes, sketch_of(design, at), with_dimensions=True)
+    draw_sketch(axes, sketch_of(design.only, at), with_dimensions=True)
     texts = [text for text in axes.texts if text.get_text()]
     return [x.get_text() for x in texts], [x.get_window_extent() for x in texts]
 
@@ -64,7 +64,7 @@ def test_every_name_is_in_the_drawing_and_in_words(source):
     design = design_of(source)
     texts, boxes = written(design)
     structure = design.mechanism.structure()
-    lines = [*describe(sketch_of(design))]
+    lines = [*describe(sketch_of(design.only))]
     for link in structure.links:
         assert link.name in texts
         assert any(line.startswith(f'{link.name}: ') for line in lines)
@@ -82,7 +82,7 @@ def test_lengths_of_jansens_leg_are_the_published_ones():
     texts, _ = written(configure(JANSEN))
     assert {*LENGTHS} <= {*texts}
     assert 'ground 20 N' in texts
-    (title, *_) = describe(sketch_of(configure(JANSEN)))
+    (title, *_) = describe(sketch_of(configure(JANSEN).only))
     assert title.startswith('eight-bar (four_bar + 2 dyads): ')
 
 
@@ -95,7 +95,7 @@ def test_pin_that_joins_three_links_has_one_name():
 @pytest.mark.parametrize(('source', 'name'), [(GAS, 'gas'), (SPRING, 'gas (strut)')])
 def test_cylinder_is_a_line_with_its_length_as_drawn(source, name):
     design = configure(source)
-    (line,) = (x for x in describe(sketch_of(design)) if x.startswith(f'line {name}: '))
+    (line,) = (x for x in describe(sketch_of(design.only)) if x.startswith(f'line {name}: '))
     assert line.endswith(f'length {math.hypot(120.0, 140.0):.5g}')
     assert '(200, -20)' in line
     assert 'G' in written(design)[0]
@@ -107,7 +107,7 @@ def test_zero_of_a_slide_on_the_frame_does_not_move(source):
     design = design_of(source)
     for j, link in enumerate(design.mechanism.structure().links):
         if link.is_guided:
-            places = [_zero(sketch_of(design, at), j) for at in (0.3, 1.1, 2.9)]
+            places = [_zero(sketch_of(design.only, at), j) for at in (0.3, 1.1, 2.9)]
             assert places == pytest.approx(places[:1] * 3, abs=1e-12)
 
 

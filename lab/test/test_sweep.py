@@ -226,7 +226,7 @@ def own_file(base, names, row, path):
 @pytest.mark.parametrize('preset', ALL_LOADS)
 def test_designs_equal_machines_of_their_own_parameter_files(preset, sign, tmp_path):
     """Every parameter varies, and every measure is that of a chart with as many samples."""
-    base = load(preset)
+    base = load(preset).only
     loads = {f'loads.{x}.{y}': v for x, of in ALL_LOADS[preset].items() for y, v in of.items()}
     bare = {k: v for k, v in flatten(base.mechanism).items() if not k.startswith('loads.')}
     base = replace(base, mechanism=build(type(base.mechanism), bare | loads))

@@ -189,22 +189,22 @@ class _Topics:
             self._topics[record.id] = BagTopic(record.topic, schema.name, role)
 
 
-def topic_of(bag: Bag, joint: str, name: str = '') -> str:
-    """Finds the topic with the joint states of a joint.
+def topic_of(bag: Bag, joints: Sequence[str], name: str = '') -> str:
+    """Finds the topic with the joint states of some joints.
 
     Args:
         bag: The bag.
-        joint: Name of the joint.
-        name: Name of the topic; by default, the only topic that names the joint.
+        joints: Names of the joints.
+        name: Name of the topic; by default, the only topic that names one of the joints.
 
     Returns:
         The name of the topic.
 
     Raises:
-        LogError: No topic or more than one names the joint, or the topic `name` does not.
+        LogError: No topic or more than one names one of the joints, or the topic `name` does not.
     """
     named, heard = set[str](), dict[str, bytes]()  # and the first message of each topic
-    readers = defaultdict[str, JointReader](lambda: JointReader(joint))
+    readers = defaultdict[str, list[JointReader]](lambda: [JointReader(x) for x in joints])
     needed = {name} if name else bag.topics(JOINT_STATE.name)
     try:
         for topic, _, data in chain.from_iterable(bag.messages()):
@@ -212,8 +212,8 @@ def topic_of(bag: Bag, joint: str, name: str = '') -> str:
                 continue
             heard.setdefault(topic.name, data)
             with suppress(ValueError):  # the message is invalid
-                _, position, _ = readers[topic.name].read(data)
-                if position is not None:
+                positions = (reader.read(data)[1] for reader in readers[topic.name])
+                if any(position is not None for position in positions):
                     named.add(topic.name)
                     if named == needed:
                         break
@@ -222,22 +222,23 @@ def topic_of(bag: Bag, joint: str, name: str = '') -> str:
             raise
     if name in named or (len(named) == 1 and not name):
         return name or named.pop()
+    listed = ' or '.join(joints)
     if named:
         raise LogError(
-            f'{bag.path} has positions of {joint} on {", ".join(sorted(named))}: '
+            f'{bag.path} has positions of {listed} on {", ".join(sorted(named))}: '
             'give one of these as --topic'
         )
-    raise LogError(f'{bag.path} has no position of {joint}: {_joints_instead(joint, heard)}')
+    raise LogError(f'{bag.path} has no position of {listed}: {_joints_instead(joints, heard)}')
 
 
-def _joints_instead(joint: str, heard: Mapping[str, bytes]) -> str:
+def _joints_instead(joints: Sequence[str], heard: Mapping[str, bytes]) -> str:
     """Describes the joints that a bag has instead, given the first message of each topic."""
     if not heard:
         return f'it has no {JOINT_STATE.name}'
     names = {topic: _names(data) for topic, data in sorted(heard.items())}
     nothing = 'nothing, or its messages are compressed or damaged'
     found = '; '.join(f'{topic} names {", ".join(own) or nothing}' for topic, own in names.items())
-    others = {*chain.from_iterable(names.values())} - {joint}
+    others = {*chain.from_iterable(names.values())} - {*joints}
     return found + ('; give one of these as crank_joint or joints.crank.name' if others else '')
 
 

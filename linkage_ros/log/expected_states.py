@@ -6,10 +6,10 @@ A step of the clock starts a new segment, but tick numbers continue.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from itertools import accumulate, takewhile
-from typing import Any, ClassVar, cast
+from itertools import accumulate, product, takewhile
+from typing import Any, ClassVar, NamedTuple, TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -26,16 +26,35 @@ from linkage_ros.messages.topics import (
     MECHANISM_STATE,
     POINTS,
     Topic,
+    prefix_of,
 )
 from linkage_ros.motion.drives.follow import MeasuredCrank
 from linkage_ros.motion.segments import Coordinates, Segment
-from linkage_ros.run.states import Simulator
+from linkage_ros.run.measured import Measurement, measurement_of
+from linkage_ros.run.robot import HeldEfforts, Robot
+from linkage_ros.run.states import RowPart, Simulator
 from linkage_ros.units import TIME_END
 
 
 def _moment(segment: Segment) -> int:
     """Returns the start of a segment on the clock of the previous segment, ns."""
     return segment.stamp if segment.old_stamp is None else segment.old_stamp
+
+
+class Rows(NamedTuple):
+    """Rows of a log.
+
+    Attributes:
+        layout: Layout of a row.
+        data: The rows.
+    """
+
+    layout: RowLayout
+    data: bytes
+
+
+# Index of a segment of motion, by linkage.
+Numbers: TypeAlias = dict[str, int]
 
 
 def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
@@ -45,8 +64,8 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
     checked.
 
     Args:
-        simulator: Simulator of the logged configuration.
-        motions: The logged segments.
+        simulator: Simulator of a linkage.
+        motions: Its logged segments.
 
     Returns:
         Description of the first difference; empty if there is none.
@@ -56,7 +75,7 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
         due, motion = logged, past.motion() if past else None
         if past and logged.motion() and _moment(logged) < past.stamp:
             return f'motion record {number} starts before the previous one'
-        if past is None and not simulator.configuration.drive.is_measured:
+        if past is None and not simulator.linkage.drive.is_measured:
             due = simulator.begin(logged.stamp).segment
         elif motion:
             try:
@@ -75,7 +94,7 @@ class ExpectedStates(ABC):
 
     Attributes:
         needed: Topics of which the log must have one, or another one of the same type.
-        needs_motion: Whether the log must have a segment of motion.
+        needs_motion: Whether the log must have a segment of motion of each linkage.
         missed: Number of ticks so far without a state.
         is_record: Whether linkage_record wrote the log, so that every tick has a state.
     """
@@ -87,35 +106,43 @@ class ExpectedStates(ABC):
     def handle(self, message: LoggedMessage) -> None:  # noqa: B027, most ignore it
         """Handles a message that is not part of a state; called in the order of writing."""
 
+    def end_efforts(self, linkages: Iterable[str]) -> None:  # noqa: B027, most end by themselves
+        """Takes the end of torques that the run commanded, by linkage."""
+
     @abstractmethod
     def cross_gap(self) -> bool:
         """Prepares for the states after missing messages; returns whether they can be compared."""
 
     @abstractmethod
-    def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
-        """Finds the segments that may contain the next stamps, starting with the current one.
+    def fitting(
+        self, linkages: tuple[str, ...], stamps: npt.NDArray[np.int64]
+    ) -> Iterator[tuple[Numbers, list[int]]]:
+        """Finds the segments that may contain the next stamps, starting with the current ones.
 
         If the clock was set back, segments may overlap. The caller must then compare the states to
-        find the right one.
+        find the right ones.
 
         Args:
+            linkages: Names of the linkages that the states hold.
             stamps: The next stamps, ns; at least one.
 
         Yields:
-            Index of a segment, and the ticks of all leading stamps that fit the segment.
+            Index of the segment of each linkage, by its name, and the ticks of all leading stamps
+            that fit the segments.
         """
 
     @abstractmethod
     def coordinates(
-        self, number: int, stamps: list[int], rows: bytes, forces: Forces
+        self, linkage: str, number: int, stamps: list[int], rows: Rows, forces: Forces
     ) -> tuple[Coordinates, Coordinates | None]:
-        """Computes the coordinates of states.
+        """Computes the coordinates of a linkage in states.
 
         Args:
-            number: Index of the states' segment.
+            linkage: Name of the linkage.
+            number: Index of its segment.
             stamps: Stamps of the states, ns.
-            rows: Logged rows of the states.
-            forces: Forces of live loads, by name.
+            rows: Logged rows of the states, and their layout.
+            forces: Forces of its live loads, by name.
 
         Returns:
             The coordinates, and those for the feed-forward torque or None.
@@ -124,20 +151,27 @@ class ExpectedStates(ABC):
             LinkageError: A stamp has no state, or the messages give an invalid motion.
         """
 
-    def elapsed(self, _number: int, stamps: list[int]) -> list[int]:
-        """Returns the times of states of a segment, ns, which a step of the clock does not change.
+    def elapsed(self, _: Numbers, stamps: list[int]) -> list[int]:
+        """Returns the times of states, ns, which a step of the clock does not change.
 
         They determine when messages expire.
         """
         return stamps
 
+    def held(self) -> dict[str, float]:
+        """Returns the efforts of linkages that the next states do not hold, by linkage."""
+        return {}
+
     @abstractmethod
-    def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
+    def take(
+        self, numbers: Numbers, ticks: list[int], efforts: Mapping[str, RowPart]
+    ) -> tuple[int, str]:
         """Advances past states whose messages are equal.
 
         Args:
-            number: Index of the states' segment.
+            numbers: Index of the states' segment, by linkage.
             ticks: Ticks of the states.
+            efforts: Efforts of the last state, by linkage.
 
         Returns:
             The number of states consistent with their predecessors, and the error of the next
@@ -145,45 +179,43 @@ class ExpectedStates(ABC):
         """
 
 
-class TickStates(ExpectedStates):
-    """States at the ticks of the logged segments."""
+class SegmentStates:
+    """The states of a linkage at the ticks of its logged segments.
 
-    def __init__(self, simulator: Simulator, log: LogReader, layout: RowLayout) -> None:
+    Attributes:
+        number: Index of the current segment.
+        anchors: Stamp of tick 0 on the clock of each segment, ns.
+    """
+
+    def __init__(self, run: 'TickStates', simulator: Simulator, motions: Sequence[Any]) -> None:
         """Starts with the first segment.
 
         Args:
-            simulator: Simulator of the logged configuration.
-            log: The log, which must have at least one segment.
-            layout: Layout of the log's rows.
+            run: The states of the run.
+            simulator: Simulator of the linkage.
+            motions: Its segments; at least one.
         """
-        self.missed, self._tick, self._number, self._is_after_gap = 0, -1, 0, False
-        self._simulator, self._layout = simulator, layout
-        self._motions: tuple[Any, ...] = log.motions
-        # A live run with simulated time may also start at 0, but always has diagnostics.
-        self.is_record = log.motions[0].stamp == 0 and not log.channel(DIAGNOSTICS)
-        steps = accumulate(motion.stamp - _moment(motion) for motion in log.motions)
-        self._anchors = [log.motions[0].stamp + step for step in steps]  # stamps of tick 0
-        self._ends = [*map(_moment, log.motions[1:]), TIME_END]
-
-    def cross_gap(self) -> bool:
-        """Expects any later tick next; see `ExpectedStates`."""
-        self._is_after_gap = True
-        return True
+        self.number, self._run = 0, run
+        self._simulator, self._motions = simulator, motions
+        steps = accumulate(motion.stamp - _moment(motion) for motion in motions)
+        self.anchors = [motions[0].stamp + step for step in steps]
+        self._ends = [*map(_moment, motions[1:]), TIME_END]
 
     def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
-        """Finds segments by their stamps; see `ExpectedStates`."""
-        for number in range(self._number, len(self._motions)):
+        """Yields segments that may contain the next stamps, and the ticks of leading stamps."""
+        run = self._run
+        for number in range(self.number, len(self._motions)):
             start, end = self._motions[number].stamp, self._ends[number]
             inside = (start <= stamps) & (stamps < end)
             # With False at the end, argmin counts the leading true values.
             leading = stamps[: np.append(inside, False).argmin()]
-            elapsed = leading.astype(object) - self._anchors[number]
+            elapsed = leading.astype(object) - self.anchors[number]
             ticks = self._simulator.ticks.tick_at(elapsed)
-            steps = np.diff(ticks, prepend=self._tick)
+            steps = np.diff(ticks, prepend=run.tick)
             fits = self._simulator.ticks.elapsed(ticks) == elapsed
             fits &= steps > 0
-            if self.is_record:
-                fits[self._is_after_gap :] &= steps[self._is_after_gap :] == 1
+            if run.is_record:
+                fits[run.is_after_gap :] &= steps[run.is_after_gap :] == 1
             if count := np.append(fits, False).argmin():
                 yield number, ticks[:count].tolist()
 
@@ -191,7 +223,7 @@ class TickStates(ExpectedStates):
         self,
         number: int,
         stamps: list[int],
-        rows: bytes,  # noqa: ARG002, others read them
+        rows: Rows,  # noqa: ARG002, others read them
         forces: Forces,
     ) -> tuple[Coordinates, Coordinates | None]:
         """Follows the motion of a segment; see `ExpectedStates`."""
@@ -199,15 +231,83 @@ class TickStates(ExpectedStates):
         motion.conditions = Conditions(motion.conditions.gravity, forces=forces)
         return motion.at_all(stamps), self._simulator.ahead(motion, stamps)
 
-    def elapsed(self, number: int, stamps: list[int]) -> list[int]:
-        """Returns the times since tick 0; see `ExpectedStates`."""
-        return [stamp - self._anchors[number] for stamp in stamps]
-
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
-        """Counts the ticks before and between states; see `ExpectedStates`."""
-        self.missed += ticks[-1] - self._tick - len(ticks)
-        self._number, self._tick, self._is_after_gap = number, ticks[-1], False
+        """Advances past states; see `ExpectedStates`."""
+        self.number = number
         return len(ticks), ''
+
+
+class TickStates(ExpectedStates):
+    """States at the ticks of the logged segments.
+
+    Attributes:
+        kind: Class of the states of a linkage.
+        tick: The last tick; -1 before the first one.
+        is_after_gap: Whether messages are missing after that tick.
+    """
+
+    kind: ClassVar[type[SegmentStates]] = SegmentStates
+
+    def __init__(self, robot: Robot, log: LogReader) -> None:
+        """Starts with the first segments.
+
+        Args:
+            robot: The linkages of the logged configuration.
+            log: The log, which must have at least one segment of each linkage.
+        """
+        self.missed, self.tick, self.is_after_gap = 0, -1, False
+        # A live run with simulated time may also start at 0, but always has diagnostics.
+        starts = {motions[0].stamp for motions in log.motions.values()}
+        self.is_record = starts == {0} and not log.channel(DIAGNOSTICS)
+        self._linkages = {
+            name: self.kind(self, simulator, log.motions[name])
+            for name, simulator in robot.simulators.items()
+        }
+
+    def cross_gap(self) -> bool:
+        """Expects any later tick next; see `ExpectedStates`."""
+        self.is_after_gap = True
+        return True
+
+    def fitting(
+        self, linkages: tuple[str, ...], stamps: npt.NDArray[np.int64]
+    ) -> Iterator[tuple[Numbers, list[int]]]:
+        """Finds segments by their stamps; see `ExpectedStates`."""
+        first, *others = ([*self._linkages[name].fitting(stamps)] for name in linkages)
+        for start in first:
+            tick = start[1][0]
+            same = [[one for one in found if one[1][0] == tick] for found in others]
+            for chosen in product([start], *same):
+                numbers = dict(zip(linkages, (number for number, _ in chosen), strict=True))
+                yield numbers, min((ticks for _, ticks in chosen), key=len)
+
+    def coordinates(
+        self, linkage: str, number: int, stamps: list[int], rows: Rows, forces: Forces
+    ) -> tuple[Coordinates, Coordinates | None]:
+        """Follows the motion of a segment; see `ExpectedStates`."""
+        return self._linkages[linkage].coordinates(number, stamps, rows, forces)
+
+    def elapsed(self, numbers: Numbers, stamps: list[int]) -> list[int]:
+        """Returns the times since tick 0; see `ExpectedStates`."""
+        name, number = next(iter(numbers.items()))
+        return [stamp - self._linkages[name].anchors[number] for stamp in stamps]
+
+    def take(
+        self,
+        numbers: Numbers,
+        ticks: list[int],
+        efforts: Mapping[str, RowPart],  # noqa: ARG002, others keep them
+    ) -> tuple[int, str]:
+        """Counts the ticks before and between states; see `ExpectedStates`."""
+        wrong = ''
+        for name, number in numbers.items():
+            count, difference = self._linkages[name].take(number, ticks)
+            if difference:
+                ticks, wrong = ticks[:count], f'{prefix_of(name, ": ")}{difference}'
+        if ticks:
+            self.missed += ticks[-1] - self.tick - len(ticks)
+            self.tick, self.is_after_gap = ticks[-1], False
+        return len(ticks), wrong
 
 
 class MeasuredStates(ExpectedStates):
@@ -215,40 +315,66 @@ class MeasuredStates(ExpectedStates):
 
     needs_motion = False
 
-    def __init__(self, simulator: Simulator, log: LogReader, _: RowLayout) -> None:
+    def __init__(self, robot: Robot, log: LogReader) -> None:
         """Initializes without a measurement; see `TickStates`."""
-        self._crank = cast('MeasuredCrank', simulator.inputs()[MEASURED_JOINT_STATES])
+        self._cranks = robot.inputs()[MEASURED_JOINT_STATES]
         self._channel = log.channel(MEASURED_JOINT_STATES)
-        self._simulator, self._number = simulator, 0
-        self._motions: tuple[Any, ...] = log.motions
-        # Stamps, ns, and coordinates of measurements whose states are still to be compared.
-        self._next: list[tuple[int, Coordinates]] = []
+        self._motions: dict[str, tuple[Any, ...]] = log.motions
+        self._numbers = dict.fromkeys(robot.names, 0)
+        # Measurements whose states are still to be compared.
+        self._next: list[Measurement] = []
+        self._efforts = HeldEfforts(robot.names)
 
     def handle(self, message: LoggedMessage) -> None:
         """Reads a measurement; see `ExpectedStates`."""
         if self._channel and message.channel == self._channel.number:
             with suppress(ValueError):  # a rejected measurement has no state
-                self._next.append(self._crank.read(message.data, message.time))
+                received = self._cranks.read(message.data, message.time)
+                self._next.append(measurement_of(message.time, received))
 
-    def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
+    def end_efforts(self, linkages: Iterable[str]) -> None:
+        """Holds efforts of 0; see `ExpectedStates`."""
+        self._efforts.end(linkages)
+
+    def fitting(
+        self, linkages: tuple[str, ...], stamps: npt.NDArray[np.int64]
+    ) -> Iterator[tuple[Numbers, list[int]]]:
         """Yields the leading stamps that match the next measurements; see `ExpectedStates`."""
-        pairs = zip(stamps.tolist(), self._next, strict=False)
-        fit = [stamp for stamp, _ in takewhile(lambda pair: pair[0] == pair[1][0], pairs)]
-        ends = [motion.stamp for motion in self._motions[self._number : self._number + 2]]
+        due = self._next[0].linkages if self._next else None
+        fit = [
+            stamp
+            for stamp, _ in takewhile(
+                lambda pair: pair[0] == pair[1].stamp and pair[1].linkages == due,
+                zip(stamps.tolist(), self._next, strict=False),
+            )
+        ]
+        if not fit or not due or due[0] != linkages:
+            return
+        for chosen in product(*(self._segments_of(name, fit) for name in linkages)):
+            numbers = dict(zip(linkages, (number for number, _ in chosen), strict=True))
+            yield numbers, min((ticks for _, ticks in chosen), key=len)
+
+    def _segments_of(self, name: str, fit: list[int]) -> list[tuple[int, list[int]]]:
+        """Returns the segments of a linkage that may begin with stamps, and their stamps."""
+        number, found = self._numbers[name], []
+        ends = [motion.stamp for motion in self._motions[name][number : number + 2]]
         # If a bag is looped, the stamp at which gravity changes occurs again.
-        if fit and fit[:1] == ends[:1]:
-            yield self._number + 1, [*fit[:1], *takewhile(lambda x: x not in ends[1:], fit[1:])]
-        if before := [*fit[:1], *takewhile(lambda x: x not in ends[:1], fit[1:])]:
-            yield self._number, before
+        if fit[:1] == ends[:1]:
+            found.append(
+                (number + 1, [*fit[:1], *takewhile(lambda x: x not in ends[1:], fit[1:])])
+            )
+        found.append((number, [*fit[:1], *takewhile(lambda x: x not in ends[:1], fit[1:])]))
+        return found
 
     def coordinates(
-        self, number: int, stamps: list[int], _: bytes, forces: Forces
+        self, linkage: str, number: int, stamps: list[int], _: Rows, forces: Forces
     ) -> tuple[Coordinates, Coordinates | None]:
         """Returns the coordinates of the next measurements; see `ExpectedStates`."""
-        gravity = self._motions[number - 1].gravity if number else None
+        gravity = self._motions[linkage][number - 1].gravity if number else None
+        crank = cast('MeasuredCrank', self._cranks.sources[linkage])
         now, ahead = (
             x and x._replace(conditions=Conditions(gravity, x.conditions.frame, forces))
-            for x in self._crank.stacked([one for _, one in self._next[: len(stamps)]])
+            for x in crank.stacked([one.coordinates[linkage] for one in self._next[: len(stamps)]])
         )
         return cast('Coordinates', now), ahead
 
@@ -256,8 +382,16 @@ class MeasuredStates(ExpectedStates):
         """Returns False, because later states depend on all measurements; see `ExpectedStates`."""
         return False
 
-    def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
+    def held(self) -> dict[str, float]:
+        """Returns the last efforts, except refused ones; see `ExpectedStates`."""
+        return {**self._efforts.values, **dict.fromkeys(self._next[0].refused, 0.0)}
+
+    def take(
+        self, numbers: Numbers, ticks: list[int], efforts: Mapping[str, RowPart]
+    ) -> tuple[int, str]:
         """Advances past measurements; see `ExpectedStates`."""
-        self._number = number
+        self._numbers |= numbers
+        self._efforts.end(self._next[0].refused)
+        self._efforts.hold(efforts)
         del self._next[: len(ticks)]
         return len(ticks), ''

@@ -12,7 +12,7 @@ import numpy as np
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.motion.live_force import LiveForce, Vector
 from linkage_ros.numeric import Array, Real
-from linkage_ros.run.states import Simulator
+from linkage_ros.run.robot import Robot
 
 # Forces of states, x and y, N, by name of the load: numbers, or an array each.
 Forces: TypeAlias = Mapping[str, tuple[Real, Real]]
@@ -27,19 +27,25 @@ class LoggedForces:
         is_live: Whether the run received forces.
     """
 
-    def __init__(self, simulator: Simulator, log: LogReader) -> None:
+    def __init__(self, robot: Robot, log: LogReader) -> None:
         """Initializes without a message.
 
         Args:
-            simulator: Simulator of the logged configuration.
+            robot: The linkages of the logged configuration.
             log: The log.
         """
-        channels = [(log.channel(topic), x) for topic, x in simulator.live_forces().items()]
-        self._loads = {
-            channel.number: _Heard(source) for channel, source in channels if channel is not None
-        }
+        # The received forces of each load, by its channel, and by its linkage.
+        self._loads, self._of = dict[int, _Heard](), dict[str, list[_Heard]]()
+        for name, forces in robot.live_forces().items():
+            self._of[name] = []
+            for topic, source in forces.items():
+                if channel := log.channel(topic):
+                    self._loads[channel.number] = heard = _Heard(source)
+                    self._of[name].append(heard)
         self.is_live = bool(self._loads)
-        self._default: dict[str, tuple[Real, Real]] = dict(simulator.conditions.forces)
+        self._default: dict[str, Forces] = {
+            name: dict(simulator.conditions.forces) for name, simulator in robot.simulators.items()
+        }
 
     def handle(self, message: LoggedMessage, state: int) -> None:
         """Handles a message that is not part of a state; called in the order of writing.
@@ -52,15 +58,17 @@ class LoggedForces:
             with suppress(ValueError):  # a rejected message
                 load.add(state, load.source.read(message.data, message.time))
 
-    def at(self, first: int, elapsed: Sequence[int]) -> Forces:
-        """Returns the forces of all live loads in adjacent states.
+    def at(self, first: int, elapsed: Sequence[int]) -> dict[str, Forces]:
+        """Returns the forces of all live loads in adjacent states, by linkage.
 
         Args:
             first: Number of the states before them, not less than in earlier calls.
             elapsed: Time of each state, ns.
         """
-        heard = {load.source.name: load.at(first, elapsed) for load in self._loads.values()}
-        return {**self._default, **heard}
+        return {
+            name: {**forces, **{x.source.name: x.at(first, elapsed) for x in self._of[name]}}
+            for name, forces in self._default.items()
+        }
 
 
 class _Heard:

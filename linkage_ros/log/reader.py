@@ -17,18 +17,22 @@ from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     END_RECORD,
     GAP_RECORD,
+    LINKAGE,
+    LINKAGE_END_RECORD,
     MOTION_RECORD,
     ROLE,
     TORQUE_END_RECORD,
     decode_configuration,
     decode_gap,
+    decode_linkage_end,
     decode_motion,
     decode_torque_end,
     unseal,
 )
-from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout, message_record
+from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout, RowLayouts, message_record
 from linkage_ros.log.scan import MAGIC_SIZE, McapFile, mcap_file, records
 from linkage_ros.messages.topics import EFFORT_COMMANDS, Topic
+from linkage_ros.motion.segments import Segment
 from linkage_ros.settings.old_names import has_old_names
 from linkage_ros.units import TIME_END
 
@@ -91,7 +95,8 @@ class LogReader:
         configuration: Configuration of the run.
         version: Version of linkage_ros that wrote the log.
         has_old_names: Whether its parameters have names before version 2.0.
-        motions: The segments of motion, in order.
+        motions: The segments of motion of each linkage, in order, by its name.
+        linkage_ends: The ends of motions while others continued, by name of the linkage.
         torque_ends: The ends of torques, in order.
         lost: Number of logged messages missing from the file; None if this is unknown, because the
             log was recovered without its end record or written by an old version.
@@ -181,8 +186,16 @@ class LogReader:
             )
         self.version, self.configuration = decode_configuration(about[0])
         self.has_old_names = has_old_names(about[0])
-        segment = self.configuration.drive.segment
-        self.motions = tuple(decode_motion(fields, segment) for fields in named(MOTION_RECORD))
+        kind = self.configuration.drive_kind.segment
+        found = {linkage.name: list[Segment]() for linkage in self.configuration.linkages}
+        for fields in named(MOTION_RECORD):
+            segment, linkage = decode_motion(fields, kind), fields.get(LINKAGE, '')
+            if linkage not in found:
+                raise LogError('it is damaged: a motion record names no linkage of the run')
+            found[linkage].append(segment)
+        self.motions = {linkage: tuple(segments) for linkage, segments in found.items()}
+        linkage_ends = map(decode_linkage_end, reversed(named(LINKAGE_END_RECORD)))
+        self.linkage_ends = {end.linkage: end for end in linkage_ends}
         self.torque_ends = tuple(map(decode_torque_end, named(TORQUE_END_RECORD)))
         ends = named(END_RECORD)
         self.lost = int(unseal(ends[0])['messages']) - messages if ends else None
@@ -262,25 +275,26 @@ class LogReader:
 
     def rows(
         self,
-        layout: RowLayout,
+        layouts: RowLayouts,
         other: Callable[[LoggedMessage], object] = lambda _: None,
         gap: Callable[[], object] = lambda: None,
-    ) -> Iterator[bytes]:
+    ) -> Iterator[tuple[RowLayout, bytes]]:
         """Reads the messages of states in the order in which they were written.
 
         Args:
-            layout: Layout of a row, with the channel numbers of the log.
+            layouts: Layouts of the rows, with the channel numbers of the log.
             other: Called with the messages of other channels.
             gap: Called where messages are missing; see `Gap`.
 
         Yields:
-            MCAP records with sequence number 0: complete rows, or a single message that is not
-            part of a complete row.
+            The layout of a row, and MCAP records with sequence number 0: complete rows, or a
+            single message that is not part of a complete row.
 
         Raises:
             LogError: The file is damaged.
         """
         found, gaps = 0, sorted(self._gaps, reverse=True)
+        layout, channels = layouts.of(layouts.names), {*layouts.channels.values()}
         with mcap_file(self.path, _remedy) as file:
             for place in sorted(place for _, _, place, _ in self._chunks):
                 while gaps and gaps[-1] < place:
@@ -289,20 +303,24 @@ class LogReader:
                 data = file.content(place)
                 at = 0
                 while at < len(data):
-                    if count := layout.count(data, at):
+                    count = layout.count(data, at)
+                    if not count:
+                        layout = layouts.at(data, at) or layout
+                        count = layout.count(data, at)
+                    if count:
                         rows = data[at : at + count * layout.size]
                         found += count * len(layout.channels)
                         at += len(rows)
-                        yield rows
+                        yield layout, rows
                         continue
                     opcode, _, start, at = next(records(data, at))
                     if opcode == Opcode.MESSAGE:
                         message = self._message(data, start, at)
                         found += 1
                         is_zero = (message.channel, message.time) in self._zeros
-                        if message.channel in layout.channels and not is_zero:
+                        if message.channel in channels and not is_zero:
                             times = message.time, message.published
-                            yield message_record(message.channel, times, message.data)
+                            yield layout, message_record(message.channel, times, message.data)
                         else:
                             other(message)
             if found != self._count:  # a damaged opcode, which no checksum protects, hides records

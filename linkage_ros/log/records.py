@@ -25,10 +25,12 @@ from linkage_ros.units import TIME_END
 CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'
 TORQUE_END_RECORD = 'linkage_ros/torque_end'  # see `TorqueEnd`
+LINKAGE_END_RECORD = 'linkage_ros/linkage_end'  # see `LinkageEnd`
 GAP_RECORD = 'linkage_ros/gap'  # messages are missing before the next chunk; see `Gap`
 END_RECORD = 'linkage_ros/end'  # its field `messages` is the number of logged messages
 
 ROLE = 'linkage_ros.role'  # key in the metadata of a channel; the value is `Topic.role`
+LINKAGE = 'linkage'  # field of the record of a segment: its linkage, if that has a name
 CHECKSUM = 'crc32'  # name of the field with the checksum
 
 
@@ -112,6 +114,48 @@ def decode_torque_end(record: Mapping[str, str]) -> TorqueEnd:
     return TorqueEnd(int(texts['stamp']), texts['cause'], texts['linkage'])
 
 
+class LinkageEnd(NamedTuple):
+    """The end of the motion of one of several linkages; the others continue.
+
+    Attributes:
+        stamp: Stamp of the first state without it, ns.
+        cause: Message of the error.
+        linkage: Its name.
+    """
+
+    stamp: int
+    cause: str
+    linkage: str
+
+
+def encode_linkage_end(end: LinkageEnd) -> dict[str, str]:
+    """Encodes the end of the motion of a linkage as a record."""
+    return seal({name: str(value) for name, value in end._asdict().items()})
+
+
+def decode_linkage_end(record: Mapping[str, str]) -> LinkageEnd:
+    """Decodes a record created by `encode_linkage_end`.
+
+    Raises:
+        LogError: The record is damaged.
+        ValueError: The stamp is malformed. Missing fields may raise other exceptions.
+    """
+    texts = unseal(record)
+    return LinkageEnd(int(texts['stamp']), texts['cause'], texts['linkage'])
+
+
+class LoggedSegment(NamedTuple):
+    """A segment of the motion of a linkage.
+
+    Attributes:
+        segment: The segment.
+        linkage: Name of the linkage; empty for the only one.
+    """
+
+    segment: Segment
+    linkage: str = ''
+
+
 def encode_configuration(configuration: Configuration) -> dict[str, str]:
     """Encodes a configuration as a record, with the version of this package."""
     return seal({'version': __version__, **to_strings(configuration)})
@@ -170,9 +214,10 @@ def _parsers(kind: type[Segment]) -> dict[str, Callable[[str], Any]]:
     }
 
 
-def encode_motion(segment: Segment) -> dict[str, str]:
+def encode_motion(segment: Segment, linkage: str = '') -> dict[str, str]:
     """Encodes a segment of motion as a record; phase and speed are exact fractions."""
-    return seal({_NAMES.get(n, n): str(v) for n, v in vars(segment).items() if v is not None})
+    texts = {_NAMES.get(n, n): str(v) for n, v in vars(segment).items() if v is not None}
+    return seal({**texts, **({LINKAGE: linkage} if linkage else {})})
 
 
 def decode_motion(record: Mapping[str, str], kind: type[Segment]) -> Segment:
@@ -191,6 +236,7 @@ def decode_motion(record: Mapping[str, str], kind: type[Segment]) -> Segment:
             exceptions.
     """
     texts, found = unseal(record), {}
+    texts.pop(LINKAGE, '')
     parsers = {_NAMES.get(name, name): (name, parse) for name, parse in _parsers(kind).items()}
     for key, text in texts.items():
         name, parse = parsers[key]

@@ -21,6 +21,7 @@ from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     END_RECORD,
     GAP_RECORD,
+    LINKAGE_END_RECORD,
     MOTION_RECORD,
     TORQUE_END_RECORD,
     Gap,
@@ -32,7 +33,9 @@ from linkage_ros.log.writer import LogWriter
 from linkage_ros.units import NS_PER_S, TIME_END
 
 # Names of the metadata records that are copied as they are.
-_COPIED = CONFIGURATION_RECORD, MOTION_RECORD, TORQUE_END_RECORD, GAP_RECORD
+_COPIED = (
+    CONFIGURATION_RECORD, MOTION_RECORD, LINKAGE_END_RECORD, TORQUE_END_RECORD, GAP_RECORD,
+)  # fmt: skip
 
 
 class Recovered(NamedTuple):

@@ -8,7 +8,7 @@ one block of bytes.
 
 import re
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.messages.fields import Field, Part, Template
-from linkage_ros.messages.templates import StateTemplates
+from linkage_ros.messages.templates import RunTemplates, StateTemplates
 from linkage_ros.messages.topics import Topic
 from linkage_ros.numeric import Real
 from linkage_ros.units import NS_PER_S
@@ -27,7 +27,7 @@ _HEAD_FIELDS = np.dtype({
     'names': ['opcode', 'channel', 'time'], 'formats': ['u1', '<u2', '<u8'],
     'offsets': [0, 9, 15], 'itemsize': MESSAGE_HEAD.size,
 })  # fmt: skip
-_OPCODE = 5
+_OPCODE, _OPCODE_AND_LENGTH = 5, 9  # of a message; bytes
 _CONSTANT = 15  # number of bytes in the head before the times
 _TIMES = Field('log time', 'Q'), Field('publish time', 'Q')
 
@@ -43,7 +43,7 @@ def message_record(channel: int, times: tuple[int, int], data: bytes) -> bytes:
     Returns:
         The bytes of the record.
     """
-    size = MESSAGE_HEAD.size - 9 + len(data)  # without opcode and length
+    size = MESSAGE_HEAD.size - _OPCODE_AND_LENGTH + len(data)
     return MESSAGE_HEAD.pack(_OPCODE, size, channel, 0, *times) + data
 
 
@@ -70,10 +70,12 @@ class LoggedState(NamedTuple):
     Attributes:
         time: Log and publish time, ns.
         messages: CDR bytes of its messages; see `StateTemplates.pack`.
+        linkages: Names of the linkages that it holds.
     """
 
     time: int
     messages: bytes
+    linkages: tuple[str, ...] = ('',)
 
 
 class RowLayout(Template):
@@ -83,15 +85,23 @@ class RowLayout(Template):
         channels: Channel number of each message.
         starts: Offset of each message's record.
         times: Field with the log time of the first message.
+        linkages: Names of the linkages that the state holds.
     """
 
-    def __init__(self, templates: StateTemplates, channels: Iterable[tuple[int, Topic]]) -> None:
+    def __init__(
+        self,
+        templates: StateTemplates,
+        channels: Iterable[tuple[int, Topic]],
+        linkages: tuple[str, ...] = ('',),
+    ) -> None:
         """Computes the offsets of the messages and their fields.
 
         Args:
             templates: Templates of the messages.
             channels: Channel number of each message in the log, and its topic.
+            linkages: Names of the linkages that the state holds.
         """
+        self.linkages = linkages
         parts, patterns = list[Part](), list[bytes]()
         self.channels, self._ends = list[int](), [0]
         for channel, topic in channels:
@@ -162,3 +172,56 @@ class RowLayout(Template):
         """
         found = self._whole.match(data, at)
         return (found.end() - at) // self.size if found else 0
+
+
+class RowLayouts:
+    """The layouts of the rows of a log, one for each set of linkages that a state may hold.
+
+    Attributes:
+        channels: Channel number of each topic of the states that the log has, by topic.
+    """
+
+    def __init__(self, templates: RunTemplates, channels: Mapping[Topic, int]) -> None:
+        """Initializes without a layout.
+
+        Args:
+            templates: Templates of the run's states.
+            channels: Channel number of each topic of the states in the log; others are left out.
+        """
+        self._templates, self.channels = templates, channels
+        self._made = dict[tuple[str, ...], RowLayout]()
+        # The linkage of each channel that one linkage alone has; None for shared channels.
+        self._owners = dict[int, str | None].fromkeys(channels.values())
+        for name, topics in templates.owned.items():
+            self._owners |= {channels[topic]: name for topic in topics if topic in channels}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all linkages."""
+        return self._templates.names
+
+    def of(self, names: tuple[str, ...]) -> RowLayout:
+        """Returns the layout of the rows that hold some linkages."""
+        if names not in self._made:
+            templates, channels = self._templates.of(names), self.channels
+            held = [(channels[topic], topic) for topic in templates.topics if topic in channels]
+            self._made[names] = RowLayout(templates, held, names)
+        return self._made[names]
+
+    def at(self, data: bytes | bytearray, at: int) -> RowLayout | None:
+        """Returns the layout of the row that begins at an offset; None without a linkage's topic.
+
+        Args:
+            data: MCAP records.
+            at: Offset of a record.
+        """
+        seen, found = set[int](), set[str | None]()
+        while at + MESSAGE_HEAD.size <= len(data):
+            opcode, size, channel, *_ = MESSAGE_HEAD.unpack_from(data, at)
+            if opcode != _OPCODE or channel in seen or channel not in self._owners:
+                break
+            seen.add(channel)
+            found.add(self._owners[channel])
+            at += _OPCODE_AND_LENGTH + size
+        names = tuple(name for name in self.names if name in found)
+        return self.of(names) if names else None

@@ -30,12 +30,12 @@ from linkage_ros.messages.topics import (
 )
 from linkage_ros.numeric import Array
 from linkage_ros.quantities import shown
-from linkage_ros.settings.configuration import Configuration
+from linkage_ros.settings.configuration import Linkage
 from linkage_ros.settings.joints import measured_from
 from linkage_ros.units import NS_PER_S
 
 _TYPES = JOINT_STATE.name, JOINT_TRAJECTORY.name, POINT_STAMPED.name
-_POINTS = 'points/'  # start of the roles of traced points
+_POINTS = 'points/'  # in the role of a traced point, before its name, after its linkage's
 _IN_JOINT_STATE = tuple(name for name in QUANTITIES if name != 'acceleration')
 
 
@@ -57,13 +57,13 @@ class LoggedStates(NamedTuple):
     """The states of a log.
 
     Attributes:
-        configuration: Configuration of the run.
+        linkage: The linkage.
         time: Times since the first state, s.
         rows: Positions, rates and accelerations of the links, rad and m, shape (3, links, n).
         torque: Driving torque, N m, or force, N.
     """
 
-    configuration: Configuration
+    linkage: Linkage
     time: Array
     rows: Array
     torque: Array
@@ -190,29 +190,32 @@ def read_log(path: Path | str, topic: str | None = None) -> Any:
     return found[topic]
 
 
-def logged_states(path: Path | str, most: int) -> LoggedStates:
-    """Reads the first states of a log of this package.
+def logged_states(path: Path | str, most: int, linkage: str = '') -> LoggedStates:
+    """Reads the first states of a linkage in a log of this package.
 
     Args:
         path: Path of the log.
         most: Largest number of states.
+        linkage: Name of the linkage; empty for the only one.
 
     Raises:
+        ConfigurationError: There is no such linkage, or a name is needed.
         LogError: The log cannot be read, or a joint is not in it.
     """
     log = LogReader(path)
+    own = log.configuration.linkage(linkage)
     (topic,) = (topic.name for topic in log.topics if topic.role == MECHANISM_STATE.role)
-    columns, joints = read_log(path, topic), log.configuration.robot_joints
+    columns, joints = read_log(path, topic), own.robot_joints
     names = [joint.name for joint in joints]
     if '' in names:
         raise LogError(f'{path} lacks a joint: give each joint a name to show the log')
     table = np.array(
         [[columns[f'{name}.{quantity}'][:most] for name in names] for quantity in QUANTITIES[:3]]
     )
-    driven = log.configuration.mechanism.structure().driven
+    driven = own.mechanism.structure().driven
     torque = columns[f'{names[driven]}.effort'][:most] * joints[driven].ratio
     time = columns['t'][:most]
-    return LoggedStates(log.configuration, time - time[0], link_rows(joints, table), torque)
+    return LoggedStates(own, time - time[0], link_rows(joints, table), torque)
 
 
 def write_csv(
@@ -274,16 +277,17 @@ def _points_of(states: _Table, tables: Iterable[_Table]) -> dict[str, Sequence[f
     if states.topic.role not in {MECHANISM_STATE.role, JOINT_STATES.role}:
         return found
     for table in tables:
-        if not table.topic.role.startswith(_POINTS):
+        linkage, points, name = table.topic.role.rpartition(_POINTS)
+        if not points:
             continue
         rows: Iterable[int | None] = range(len(table.stamps))
         if table.stamps != states.stamps:  # messages are missing
             places = {stamp: row for row, stamp in enumerate(table.stamps)}
             rows = [places.get(stamp) for stamp in states.stamps]
         for axis in 'xy':
-            name, column = table.topic.role.removeprefix(_POINTS), table.columns[axis]
+            column = table.columns[axis]
             cells = array('d', (math.nan if row is None else column[row] for row in rows))
-            found[f'{name}.{axis} [m]'] = cells
+            found[f'{linkage}{name}.{axis} [m]'] = cells
     return found
 
 
@@ -312,15 +316,20 @@ def _chosen(source: Path | str, tables: Sequence[_Table], name: str) -> _Table:
 
 def _labels(path: Path | str) -> dict[str, str]:
     """Returns columns with units and references if this package wrote the log; otherwise none."""
-    labels = dict[str, str]()
     try:
-        configuration = LogReader(path).configuration
+        linkages = LogReader(path).configuration.linkages
     except LogError:
-        return labels
-    links, joints = configuration.mechanism.structure().links, configuration.robot_joints
+        return {}
+    return dict(chain.from_iterable(_labels_of(linkage).items() for linkage in linkages))
+
+
+def _labels_of(linkage: Linkage) -> dict[str, str]:
+    """Returns the columns of a linkage with units and references."""
+    labels = dict[str, str]()
+    links, joints = linkage.mechanism.structure().links, linkage.robot_joints
     names = {link.name: joint.name for link, joint in zip(links, joints, strict=True)}
     for joint, link in zip(joints, links, strict=True):
-        carrier = measured_from(links, link, configuration.joints.get(link.name))
+        carrier = measured_from(links, link, linkage.joints.get(link.name))
         for quantity, unit in zip(QUANTITIES, link.units, strict=False):
             name, origin = f'{joint.name}.{quantity}', ''
             if carrier != FRAME_NAME and quantity != 'effort':

@@ -16,10 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.errors import LinkageError, LogError
-from linkage_ros.log.expected_states import TickStates
+from linkage_ros.log.expected_states import Rows, SegmentStates, TickStates
 from linkage_ros.log.logged_forces import Forces
-from linkage_ros.log.reader import LogReader
-from linkage_ros.log.rows import RowLayout
 from linkage_ros.mechanism.conditions import Conditions
 from linkage_ros.mechanism.elementwise import is_noisy, noisy
 from linkage_ros.mechanism.solver import Solver
@@ -52,23 +50,20 @@ _ROUNDINGS = 8  # bound on the rounding errors of a mapped value
 _STEP, _STEPS = 0.02, (2, 20)
 
 
-class TorqueStates(TickStates):
-    """Recomputes the states of a torque-driven log.
+class DrivenStates(SegmentStates):
+    """Recomputes the states of a torque-driven linkage.
 
     A state is stored as a column: positions of all links, including all turns of a driven crank;
     their rates; and the torque added to the motor's torque, N m or N.
     """
 
-    needed = (MECHANISM_STATE,)
-
-    def __init__(self, simulator: Simulator, log: LogReader, layout: RowLayout) -> None:
-        """Prepares the check; see `TickStates`. The layout must contain mechanism_state."""
-        super().__init__(simulator, log, layout)
-        drive: Any = simulator.configuration.drive
+    def __init__(self, run: TickStates, simulator: Simulator, motions: Sequence[Any]) -> None:
+        """Prepares the check; see `SegmentStates`. The rows must contain mechanism_state."""
+        super().__init__(run, simulator, motions)
+        drive: Any = simulator.linkage.drive
         solver, self._motor = simulator.solver, drive.motor
         self._links = solver.structure.links
-        # If fields have the same name, `fields` holds the last, which is that of mechanism_state.
-        self._places = [layout.fields[name] for name in joint_numbers(simulator.joints)]
+        self._names = joint_numbers(simulator.joints)
         self._own = self._last = DrivenMechanism(
             solver, drive.motor.at, conditions=simulator.conditions
         )
@@ -91,7 +86,7 @@ class TorqueStates(TickStates):
         return found
 
     def coordinates(
-        self, number: int, _: list[int], rows: bytes, forces: Forces
+        self, number: int, _: list[int], rows: Rows, forces: Forces
     ) -> tuple[Coordinates, Coordinates | None]:
         """Reads coordinates, rates and accelerations from mechanism_state, as arrays.
 
@@ -107,9 +102,9 @@ class TorqueStates(TickStates):
         moving = solver.structure.indices_of(solver.coordinates)
         q, u, a = (tuple(values[moving]) for values in (positions, rates, accelerations))
         # Use the logged torque of live runs, because it includes commands.
-        torque = self._motor.at(rates[link]) if self.is_record else efforts[link]
+        torque = self._motor.at(rates[link]) if self._run.is_record else efforts[link]
         if driven.is_own:
-            if self.is_record:
+            if self._run.is_record:
                 a = solver.accelerations(q, u, torque, under=under)
             return Coordinates(q, u, a, unwrapped, solver.state(q, u, a, under=under)), None
         state = solver.driven_state(q, u, torque, under=under)
@@ -139,7 +134,7 @@ class TorqueStates(TickStates):
         moving = driven.solver.structure.indices_of(driven.solver.coordinates)
         return [*moving, *(len(self._links) + i for i in moving)]
 
-    def _read(self, rows: bytes) -> tuple[Array, Array]:
+    def _read(self, rows: Rows) -> tuple[Array, Array]:
         """Reads mechanism_state.
 
         Returns:
@@ -150,7 +145,9 @@ class TorqueStates(TickStates):
         Raises:
             LogError: A value is not a finite number.
         """
-        columns = [self._layout.column(rows, place) for place in self._places]
+        layout, data = rows
+        # If fields have the same name, `fields` holds the last, which is that of mechanism_state.
+        columns = [layout.column(data, layout.fields[name]) for name in self._names]
         table = np.reshape(columns, (4, len(self._links), -1))
         if not np.isfinite(table).all():
             raise LogError('mechanism_state is not finite')
@@ -170,19 +167,19 @@ class TorqueStates(TickStates):
         return table, crank
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
-        """Checks that states follow from their predecessors; see `ExpectedStates`."""
+        """Checks that states follow from their predecessors; see `SegmentStates`."""
         driven, found = self._driven, self._found[:, : len(ticks)]
         found[-1] -= self._motor.at(found[len(self._links) + self._driven_link])
         origin = np.concatenate([self._before, found[:, :-1]], axis=1)
         pushes = np.concatenate([self._push, self._pushes], axis=1) if len(self._push) else ()
-        numbers = np.array([max(self._tick, 0), *ticks], object)  # of any size
+        numbers = np.array([max(self._run.tick, 0), *ticks], object)  # of any size
         late = np.diff(self._simulator.ticks.elapsed(numbers)).astype(float)
-        if not self.is_record:  # the plant is paused in longer gaps
+        if not self._run.is_record:  # the plant is paused in longer gaps
             late[late > self._simulator.ticks.elapsed(1) + CATCH_UP] = 0
         spans = late / NS_PER_S
         every = self._conditions([row[: len(ticks)] for row in pushes])
         follows = self._many_follow(driven, origin, found, spans, every) | (spans > _LONGEST)
-        follows[0] |= self._is_after_gap
+        follows[0] |= self._run.is_after_gap
         for i in map(int, np.flatnonzero(~follows)):
             one = self._conditions([float(row[i]) for row in pushes])
             before = replace(driven if i else self._last, conditions=one)
@@ -295,6 +292,13 @@ class TorqueStates(TickStates):
         apart = values[turning] - due[turning]
         due[turning] += apart - wrap(apart, np.rint)
         return due
+
+
+class TorqueStates(TickStates):
+    """The states of torque-driven linkages."""
+
+    needed = (MECHANISM_STATE,)
+    kind = DrivenStates
 
 
 def _agrees(

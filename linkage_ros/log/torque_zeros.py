@@ -1,43 +1,65 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Checks the zeros with which a run ended the torque that it had commanded."""
+"""Checks the zeros with which a run ended torques that it had commanded."""
+
+from collections.abc import Collection
 
 from linkage_ros.log.reader import LoggedMessage, LogReader
+from linkage_ros.log.records import TorqueEnd
+from linkage_ros.log.rows import RowLayout
 from linkage_ros.messages.cdr import decode_trajectory
-from linkage_ros.messages.templates import ZERO_EFFORT, holding_trajectory
+from linkage_ros.messages.templates import encode_efforts, holding_trajectory
 from linkage_ros.messages.topics import EFFORT_COMMANDS, TRAJECTORY_COMMANDS
-from linkage_ros.run.states import Simulator
+from linkage_ros.run.robot import Robot
 
 
 class TorqueZeros:
     """Checks that each record of the end of a torque has its zeros.
 
-    On the topic of efforts, a message that is not part of a state is such a zero.
+    On the topic of efforts, a message that is not part of a state is such a zero. It repeats the
+    last efforts of the linkages whose torques continue.
     """
 
-    def __init__(self, simulator: Simulator, log: LogReader) -> None:
+    def __init__(self, robot: Robot, log: LogReader) -> None:
         """Initializes before the first message.
 
         Args:
-            simulator: Simulator of the logged configuration.
+            robot: The linkages of the logged configuration.
             log: The log.
         """
-        self._names = simulator.crank_joint, simulator.configuration.session.frame_id
+        self._robot, self._names = robot, robot.names
         self._efforts = log.channel(EFFORT_COMMANDS)
         channels = self._efforts, log.channel(TRAJECTORY_COMMANDS)
-        # Channel and log time, ns, of the zeros that are still to come.
-        self._due = {
-            (channel.number, end.stamp)
-            for channel in channels if channel
-            for end in log.torque_ends
-        }  # fmt: skip
+        # The ends whose zeros are still to come, by channel and log time, ns.
+        self._due = dict[tuple[int, int], list[TorqueEnd]]()
+        for channel in filter(None, channels):
+            for end in log.torque_ends:
+                self._due.setdefault((channel.number, end.stamp), []).append(end)
+        self._last = dict.fromkeys(self._names, 0.0)  # efforts in the log
+
+    def take(self, layout: RowLayout, rows: bytes) -> None:
+        """Takes the logged efforts of states, of which there is at least one."""
+        if not self._efforts or self._efforts.number not in layout.channels:
+            return
+        start = layout.starts[layout.channels.index(self._efforts.number)]
+        places = [x for x in layout.places if x.offset > start and x.code == 'd']
+        values = [float(layout.column(rows, place)[-1]) for place in places]
+        self._last = dict(zip(self._names, values, strict=False))
+
+    def end_at(self, message: LoggedMessage) -> Collection[str]:
+        """Returns the linkages whose torques a message ends; none if it is no such message."""
+        ends = self._due.get((message.channel, message.time))
+        if not ends:
+            return ()
+        return (ends[0].linkage,) if ends[0].linkage else self._names
 
     def check(self, message: LoggedMessage) -> str:
-        """Checks a message that is not part of a state; describes its error, or returns ''."""
+        """Checks a message for which there is an `end_at`; describes its error, or returns ''."""
         place = message.channel, message.time
-        if place not in self._due:
-            return ''
-        self._due.remove(place)
+        self._last |= dict.fromkeys(self.end_at(message), 0.0)
+        self._due[place].pop(0)
+        if not self._due[place]:
+            del self._due[place]
         if message.data == self._zero_like(message):
             return ''
         return (
@@ -46,12 +68,15 @@ class TorqueZeros:
         )
 
     def _zero_like(self, message: LoggedMessage) -> bytes:
-        """Returns the zero that a message must be; it may hold any position."""
+        """Returns the zero that a message must be; it may hold any positions."""
         if self._efforts and message.channel == self._efforts.number:
-            return ZERO_EFFORT
+            return encode_efforts([*self._last.values()])
+        simulators = self._robot.simulators.values()
         try:
             _, _, points = decode_trajectory(message.data)
-            return holding_trajectory(*self._names, points[0].positions[0])
+            positions = points[0].positions
+            held = {x.crank_joint: y for x, y in zip(simulators, positions, strict=True)}
+            return holding_trajectory(held, self._robot.configuration.session.frame_id)
         except (ValueError, IndexError):
             return b''
 

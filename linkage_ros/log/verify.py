@@ -17,8 +17,9 @@ import math
 import re
 import struct
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,25 +27,28 @@ import numpy.typing as npt
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.expected_states import (
     MeasuredStates,
+    Numbers,
+    Rows,
     TickStates,
     check_motions,
 )
 from linkage_ros.log.logged_forces import LoggedForces
 from linkage_ros.log.reader import LoggedMessage, LogReader
-from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout
+from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout, RowLayouts
 from linkage_ros.log.torque_states import TorqueStates
 from linkage_ros.log.torque_zeros import TorqueZeros
 from linkage_ros.mechanism.elementwise import noise
 from linkage_ros.messages.cdr import ENCAPSULATION, encode_string
 from linkage_ros.messages.topics import (
     DIAGNOSTICS,
-    ROBOT_DESCRIPTION,
     TRAJECTORY_COMMANDS,
+    prefix_of,
 )
 from linkage_ros.messages.urdf import text_of
 from linkage_ros.motion.drives.base import Drive
 from linkage_ros.numeric import Array
-from linkage_ros.run.states import Simulator
+from linkage_ros.run.robot import Robot
+from linkage_ros.run.states import RowPart
 
 _BATCH = 1024  # states per batch
 # ulp. On another machine, sines and all results may differ in the last bits.
@@ -84,7 +88,7 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     return done
 
 
-def _states_of(drive: Drive) -> type[TickStates] | type[MeasuredStates]:
+def _states_of(drive: type[Drive]) -> type[TickStates] | type[MeasuredStates]:
     if drive.is_measured:
         return MeasuredStates
     return TorqueStates if drive.is_integrated else TickStates
@@ -113,22 +117,29 @@ class Verification:
             log: The log to verify.
         """
         self._log, self._rows = log, bytearray()
-        self._simulator = simulator = Simulator(log.configuration)
+        self._robot = robot = Robot(log.configuration)
         self.states, self.missed, self.ulp = 0, 0, 0.0
         self.cut: tuple[str, ...] = ()
         self.stops_at_gap = False
-        own = simulator.templates.topics
-        if simulator.description:
-            own = *own, ROBOT_DESCRIPTION
+        self._due = robot.descriptions()
+        own = *robot.templates.topics, *self._due
         channels = {topic: channel for topic in own if (channel := log.channel(topic))}
-        self.absent = tuple(x.name for x in simulator.templates.topics if x not in channels)
+        self.absent = tuple(x.name for x in robot.templates.topics if x not in channels)
         self.compared = tuple(channel.name for channel in channels.values())
         self.others = tuple(c.name for c in log.topics if c not in channels.values())
-        self._description = channels.pop(ROBOT_DESCRIPTION, None)
+        described = {topic: channels.pop(topic, None) for topic in self._due}
+        # The robot_description that is due on a channel.
+        self._descriptions = {
+            channel.number: self._due[topic] for topic, channel in described.items() if channel
+        }
         self._channels = channels
-        self.difference = check_motions(simulator, log.motions)
-        received = *simulator.inputs(), *simulator.live_forces()
-        topics = (*own, DIAGNOSTICS, TRAJECTORY_COMMANDS, *received)
+        self.difference = ''
+        for name, simulator in robot.simulators.items():
+            difference = check_motions(simulator, log.motions[name])
+            if difference and not self.difference:
+                self.difference = f'{prefix_of(name, ": ")}{difference}'
+        forces = (topic for topics in robot.live_forces().values() for topic in topics)
+        topics = (*own, DIAGNOSTICS, TRAJECTORY_COMMANDS, *robot.inputs(), *forces)
         schemas = {topic.role: topic.interface for topic in topics}
         for channel in log.topics:
             due = schemas.get(channel.role)
@@ -144,21 +155,24 @@ class Verification:
         Raises:
             LogError: The log lacks the topics or segments required to recompute its states.
         """
-        log, simulator = self._log, self._simulator
-        kind = _states_of(simulator.configuration.drive)
+        log, robot = self._log, self._robot
+        kind = _states_of(log.configuration.drive_kind)
         needed = {topic.interface for topic in kind.needed}
         has_needed = any(topic.interface in needed for topic in self._channels)
-        if not has_needed or (kind.needs_motion and not log.motions):
+        has_motions = all(log.motions.values())
+        if not has_needed or (kind.needs_motion and not has_motions):
             raise LogError(
                 f'{log.path} cannot be verified: it has no motion record, or no '
                 f'{" or ".join(topic.name for topic in kind.needed)}'
             )
-        channels = [(channel.number, topic) for topic, channel in self._channels.items()]
-        self._layout = layout = RowLayout(simulator.templates, channels)
-        self._names = [channel.name for channel in self._channels.values()]
-        self._comparison = RowComparison(log, layout, self._names)
-        self._forces, self._zeros = LoggedForces(simulator, log), TorqueZeros(simulator, log)
-        self._expected = kind(simulator, log, layout)
+        numbers = {topic: channel.number for topic, channel in self._channels.items()}
+        self._layouts = RowLayouts(robot.templates, numbers)
+        self._layout = self._layouts.of(robot.names)
+        self._names = {channel.number: channel.name for channel in self._channels.values()}
+        self._comparisons = dict[tuple[str, ...], RowComparison]()
+        self._forces, self._zeros = LoggedForces(robot, log), TorqueZeros(robot, log)
+        self._expected = kind(robot, log)
+        self._gone = set[str]()  # linkages whose motions have ended
 
     def run(self, progress: Callable[[int], object]) -> None:
         """Compares the messages, up to the first difference; see `verify`.
@@ -170,13 +184,20 @@ class Verification:
         if self.difference or not any(c.messages for c in self._channels.values()):
             return
         self._prepare()
-        size = self._layout.size
-        for records in self._log.rows(
-            self._layout, self._handle, lambda: self._cross_gap(progress)
+        for layout, records in self._log.rows(
+            self._layouts,
+            lambda message: self._handle(message, progress),
+            lambda: self._cross_gap(progress),
         ):
             if self.difference or self.stops_at_gap:
                 break
+            if layout is not self._layout:
+                self._compare_rows(progress)
+                if self.difference or self._rows:  # the previous state is incomplete
+                    break
+                self._layout = layout
             self._rows += records
+            size = layout.size
             if len(self._rows) >= _BATCH * size:
                 self._compare_rows(progress)
                 if self.difference or len(self._rows) >= size:
@@ -184,7 +205,8 @@ class Verification:
         self._compare_last(progress)
         if not (self.difference or self.stops_at_gap or self._log.lost):
             self.difference = self._zeros.missing()
-        self.missed, self.ulp = self._expected.missed, max(self.ulp, self._comparison.ulp)
+        self.missed = self._expected.missed
+        self.ulp = max(self.ulp, *(one.ulp for one in self._comparisons.values()), 0.0)
 
     def _cross_gap(self, progress: Callable[[int], object]) -> None:
         """Compares the states before missing messages, and prepares for those after them."""
@@ -193,14 +215,17 @@ class Verification:
         self.cut = ()
         self.stops_at_gap = self._forces.is_live or not self._expected.cross_gap()
 
-    def _handle(self, message: LoggedMessage) -> None:
+    def _handle(self, message: LoggedMessage, progress: Callable[[int], object]) -> None:
         """Handles a message that is not part of a state; called in the order of writing."""
         self._expected.handle(message)
-        self.difference = self.difference or self._zeros.check(message)
+        if end := self._zeros.end_at(message):
+            self._compare_rows(progress)  # before the efforts change
+            self._expected.end_efforts(end)
+            self.difference = self.difference or self._zeros.check(message)
         if self._forces.is_live:
             self._forces.handle(message, self.states + self._layout.count(self._rows, 0))
-        due = self._simulator.description
-        if due and self._description and message.channel == self._description.number:
+        due = self._descriptions.get(message.channel)
+        if due:
             ulp = _description_ulp(message.data, due)
             self.ulp = max(self.ulp, ulp)
             if ulp > _TOLERANCE:
@@ -229,12 +254,12 @@ class Verification:
         if end < len(self._rows):
             _, _, channel, _, time, _ = MESSAGE_HEAD.unpack_from(self._rows, end)
             self.difference = (
-                f'{self._names[layout.channels.index(channel)]}: the message logged at {time} ns '
+                f'{self._names[channel]}: the message logged at {time} ns '
                 f'is not the next message of state {self.states + 1}'
             )
         else:
-            starts = zip(layout.starts, self._names, strict=True)
-            self.cut = tuple(name for start, name in starts if start >= end)
+            starts = zip(layout.starts, layout.channels, strict=True)
+            self.cut = tuple(self._names[channel] for start, channel in starts if start >= end)
 
     def _compare(self, rows: bytes) -> tuple[int, str]:
         """Compares the leading rows that belong to one segment.
@@ -243,21 +268,26 @@ class Verification:
             The number of equal states, and a description of the error in the next state. The
             description is empty if the next state was not compared.
         """
-        stamps, count, wrong = self._layout.stamps(rows), 0, ''
-        for number, ticks in self._expected.fitting(stamps):
-            logged = rows[: len(ticks) * self._layout.size]
+        layout = self._layout
+        stamps, count, wrong = layout.stamps(rows), 0, self._wrong_linkages()
+        for numbers, ticks in () if wrong else self._expected.fitting(layout.linkages, stamps):
+            logged = rows[: len(ticks) * layout.size]
+            again = functools.partial(
+                self._again, numbers, stamps[: len(ticks)].tolist(), Rows(layout, logged)
+            )
             try:
-                made = self._again(number, stamps[: len(ticks)].tolist(), logged)
+                parts, made = again()
             except LinkageError as error:
                 if len(ticks) > 1:  # bisect to find the first invalid state
-                    return self._compare(rows[: len(ticks) // 2 * self._layout.size])
+                    return self._compare(rows[: len(ticks) // 2 * layout.size])
                 wrong = wrong or str(error)
                 continue
-            again = functools.partial(self._again, number, stamps[: len(ticks)].tolist(), logged)
             count, difference = self._comparison.compare(logged, made, again)
             wrong = wrong or difference
             if count:
-                count, wrong = self._expected.take(number, ticks[:count])
+                last = {name: part.at(count - 1) for name, part in parts.items()}
+                count, wrong = self._expected.take(numbers, ticks[:count], last)
+                self._zeros.take(layout, rows[: count * layout.size])
                 break
         else:
             wrong = wrong or (
@@ -268,17 +298,51 @@ class Verification:
             wrong = f'state {self.states + count + 1}, stamp {stamps[count]} ns: {wrong}'
         return count, wrong
 
-    def _again(self, number: int, stamps: list[int], rows: bytes) -> bytearray:
-        """Recomputes the rows at the given stamps of a segment.
+    def _wrong_linkages(self) -> str:
+        """Describes a linkage that the next states lack, or hold, without a reason."""
+        if not self._expected.needs_motion:
+            return ''  # measurements are the reason
+        held, ended = {*self._layout.linkages}, {*self._log.linkage_ends}
+        for name in self._robot.names:
+            if name not in held and name not in ended:
+                return f'{name} is missing, but no record says that its motion ended'
+            if name in held and name in self._gone:
+                return f'{name} is there again after its motion ended'
+        self._gone |= {*self._robot.names} - held
+        return ''
+
+    @property
+    def _comparison(self) -> 'RowComparison':
+        """The comparison of rows with the current layout."""
+        names = self._layout.linkages
+        if names not in self._comparisons:
+            self._comparisons[names] = RowComparison(
+                self._log, self._layouts, self._layout, self._names
+            )
+        return self._comparisons[names]
+
+    def _again(
+        self, numbers: Numbers, stamps: list[int], rows: Rows
+    ) -> tuple[dict[str, RowPart], bytearray]:
+        """Recomputes the rows at the given stamps of segments.
+
+        Returns:
+            The numbers of each linkage, and the rows.
 
         Raises:
             LinkageError: A logged row does not describe a valid state.
         """
-        forces = self._forces.at(self.states, self._expected.elapsed(number, stamps))
-        moments = self._expected.coordinates(number, stamps, rows, forces)
-        numbers, layout = self._simulator.numbers(*moments), self._layout
-        times = stamps if self._expected.is_record else layout.column(rows, layout.times)
-        return layout.rows(times, stamps, numbers)
+        expected, (layout, data) = self._expected, rows
+        forces = self._forces.at(self.states, expected.elapsed(numbers, stamps))
+        parts = {
+            name: self._robot.simulators[name].part(
+                *expected.coordinates(name, number, stamps, rows, forces[name])
+            )
+            for name, number in numbers.items()
+        }
+        times = stamps if expected.is_record else layout.column(data, layout.times)
+        numbers_of_rows = self._robot.row(parts, expected.held())
+        return parts, layout.rows(times, stamps, numbers_of_rows)
 
 
 def _description_ulp(logged: bytes, due: bytes) -> float:
@@ -315,19 +379,30 @@ class RowComparison:
         ulp: Largest accepted difference so far, ulp.
     """
 
-    def __init__(self, log: LogReader, layout: RowLayout, names: list[str]) -> None:
-        self._log, self._names, self.ulp, self._layout = log, names, 0.0, layout
+    def __init__(
+        self, log: LogReader, layouts: RowLayouts, layout: RowLayout, names: Mapping[int, str]
+    ) -> None:
+        """Initializes without rows.
+
+        Args:
+            log: The log.
+            layouts: Layouts of its rows.
+            layout: Layout of the rows to compare.
+            names: Names of topics by channel number.
+        """
+        self._log, self._layouts, self.ulp, self._layout = log, layouts, 0.0, layout
+        self._names = [names[channel] for channel in layout.channels]
         self._doubles = [place for place in layout.places if place.code == 'd']
 
     def compare(
-        self, logged: bytes, recomputed: bytearray, again: Callable[[], bytearray]
+        self, logged: bytes, recomputed: bytearray, again: Callable[[], tuple[Any, bytearray]]
     ) -> tuple[int, str]:
         """Compares rows.
 
         Args:
             logged: One or more logged rows.
             recomputed: The same number of recomputed rows.
-            again: Recomputes the rows.
+            again: Recomputes the rows, which it returns second.
 
         Returns:
             The number of leading rows that are equal within the tolerance, and a description of
@@ -353,7 +428,7 @@ class RowComparison:
         at, row = int(wrong[count].argmax()), slice(count * size, (count + 1) * size)
         return count, self._describe(at, logged[row], recomputed[row], units[:, count])
 
-    def _units(self, values: Array, again: Callable[[], bytearray]) -> Array:
+    def _units(self, values: Array, again: Callable[[], tuple[Any, bytearray]]) -> Array:
         """Returns the size of an ulp of each double in recomputed rows, shape (fields, rows).
 
         Args:
@@ -363,7 +438,7 @@ class RowComparison:
         moved = np.zeros_like(values)
         for seed in range(_SAMPLES):
             with suppress(LinkageError), noise(_NOISE, seed):  # beyond a limit of the crank
-                moved = np.maximum(moved, abs(self._values(again()) - values))
+                moved = np.maximum(moved, abs(self._values(again()[1]) - values))
         return np.maximum(np.spacing(self._largest), moved * (_LAST_BIT / _NOISE))
 
     def _wrong_bytes(
@@ -386,8 +461,8 @@ class RowComparison:
     def _largest(self) -> Array:
         """The largest finite magnitude of each field in the log, shape (fields, 1)."""
         largest = np.zeros((len(self._doubles), 1))
-        for rows in self._log.rows(self._layout, lambda _: None):
-            if self._layout.count(rows, 0):
+        for layout, rows in self._log.rows(self._layouts):
+            if layout is self._layout and layout.count(rows, 0):
                 values = np.nan_to_num(self._values(rows), nan=0, posinf=0, neginf=0)
                 largest = np.maximum(largest, abs(values).max(axis=1, keepdims=True))
         return largest

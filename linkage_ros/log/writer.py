@@ -18,19 +18,22 @@ from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     END_RECORD,
     GAP_RECORD,
+    LINKAGE_END_RECORD,
     MOTION_RECORD,
     ROLE,
     TORQUE_END_RECORD,
     Gap,
+    LinkageEnd,
     TorqueEnd,
     encode_configuration,
     encode_gap,
+    encode_linkage_end,
     encode_motion,
     encode_torque_end,
     seal,
 )
-from linkage_ros.log.rows import LoggedState, RowLayout, message_record
-from linkage_ros.messages.templates import StateTemplates
+from linkage_ros.log.rows import LoggedState, RowLayout, RowLayouts, message_record
+from linkage_ros.messages.templates import RunTemplates
 from linkage_ros.messages.topics import Topic
 from linkage_ros.motion.segments import Segment
 from linkage_ros.numeric import Real
@@ -49,6 +52,11 @@ def _qos(topic: Topic) -> str:
         f'  liveliness: automatic\n  liveliness_lease_duration: {_FOREVER}\n'
         '  avoid_ros_namespace_conventions: false\n'
     )
+
+
+def _kind(item: Any) -> tuple[type, tuple[str, ...]]:
+    """Returns the class of an item and, of a state, the linkages that it holds."""
+    return type(item), item.linkages if type(item) is LoggedState else ()
 
 
 class LogWriter(AbstractContextManager['LogWriter']):
@@ -114,20 +122,20 @@ class LogWriter(AbstractContextManager['LogWriter']):
         return channel
 
     def add_states(
-        self, templates: StateTemplates, name_of: Callable[[Topic], str]
+        self, templates: RunTemplates, name_of: Callable[[Topic], str]
     ) -> dict[str, int]:
         """Declares the channels of states.
 
         Args:
-            templates: Templates of the messages of a state.
+            templates: Templates of the run's states.
             name_of: Returns the fully qualified name of a topic.
 
         Returns:
             The channel number of each topic, by `Topic.name`.
         """
-        channels = [(self.add_topic(topic, name_of(topic)), topic) for topic in templates.topics]
-        self._layout = RowLayout(templates, channels)
-        return {topic.name: number for number, topic in channels}
+        channels = {topic: self.add_topic(topic, name_of(topic)) for topic in templates.topics}
+        self._layouts = RowLayouts(templates, channels)
+        return {topic.name: number for topic, number in channels.items()}
 
     def write(self, channel: int, stamp: int, data: bytes) -> None:
         """Appends a message.
@@ -172,23 +180,29 @@ class LogWriter(AbstractContextManager['LogWriter']):
             add()
 
     def write_states(
-        self, times: Sequence[int], stamps: Sequence[int], numbers: Sequence[Real]
+        self,
+        times: Sequence[int],
+        stamps: Sequence[int],
+        numbers: Sequence[Real],
+        linkages: tuple[str, ...] = ('',),
     ) -> None:
         """Appends the messages of states; chunks end with a complete state.
 
         Args:
             times: Log and publish time of each state, ns.
             stamps: Stamp of each state, ns.
-            numbers: Numbers in the messages, as computed by the templates, as arrays.
+            numbers: Numbers in the messages, see `Robot.row`, as arrays.
+            linkages: Names of the linkages that the states hold.
 
         Raises:
             LogError: The file cannot be written.
         """
-        self._add_rows(times, self._layout.rows(times, stamps, numbers))
+        layout = self._layouts.of(linkages)
+        self._add_rows(layout, times, layout.rows(times, stamps, numbers))
 
-    def _add_rows(self, times: Sequence[int], rows: bytearray) -> None:
+    def _add_rows(self, layout: RowLayout, times: Sequence[int], rows: bytearray) -> None:
         """Appends the messages of states, a row for each state; see `write_states`."""
-        layout, left = self._layout, np.asarray(times, np.uint64)
+        left = np.asarray(times, np.uint64)
         while rows:
             start = self.mcap.position
             count = max(0, CHUNK_SIZE - start) // layout.size + 1  # the last one fills the chunk
@@ -200,9 +214,13 @@ class LogWriter(AbstractContextManager['LogWriter']):
             index[:, :, 1] = np.add.outer(layout.starts, offsets)
             self.mcap.add_records(data, logged, dict(zip(layout.channels, index, strict=True)))
 
-    def write_motion(self, segment: Segment) -> None:
-        """Appends a segment of motion."""
-        self._add(MOTION_RECORD, encode_motion(segment))
+    def write_motion(self, segment: Segment, linkage: str = '') -> None:
+        """Appends a segment of the motion of a linkage."""
+        self._add(MOTION_RECORD, encode_motion(segment, linkage))
+
+    def write_linkage_end(self, end: LinkageEnd) -> None:
+        """Records the end of the motion of one of several linkages."""
+        self._add(LINKAGE_END_RECORD, encode_linkage_end(end))
 
     def write_gap(self, gap: Gap) -> None:
         """Records that messages are missing here; call this after `flush`."""
@@ -219,8 +237,8 @@ class LogWriter(AbstractContextManager['LogWriter']):
         asks for `recover`.
 
         Args:
-            items: States, tuples of arguments for `write`, segments of motion, ends of torques, or
-                gaps.
+            items: States, tuples of arguments for `write`, segments of motion of linkages, ends of
+                linkages or torques, or gaps.
         """
         try:
             self._append(items)
@@ -231,10 +249,11 @@ class LogWriter(AbstractContextManager['LogWriter']):
 
     def _append(self, items: Sequence[Any]) -> None:
         # Write adjacent states or messages together, which is much faster.
-        for kind, group in groupby(items, type):
+        for (kind, linkages), group in groupby(items, _kind):
             if kind is LoggedState:
-                times, messages = zip(*group, strict=True)
-                self._add_rows(times, self._layout.rows_of(times, messages))
+                times, messages, _ = zip(*group, strict=True)
+                layout = self._layouts.of(linkages)
+                self._add_rows(layout, times, layout.rows_of(times, messages))
                 continue
             if kind is tuple:
                 self.write_messages(group)
@@ -244,8 +263,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
                     self.write_gap(item)
                 elif kind is TorqueEnd:
                     self.write_torque_end(item)
+                elif kind is LinkageEnd:
+                    self.write_linkage_end(item)
                 else:
-                    self.write_motion(item)
+                    self.write_motion(item.segment, item.linkage)
 
     def flush(self) -> None:
         """Passes all messages to the operating system, so that they survive if the run is killed.

@@ -5,8 +5,9 @@
 A run publishes and logs the same bytes; replay publishes them again.
 """
 
+import functools
 import struct
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain
 
 from linkage_ros.formulas import Vector
@@ -23,6 +24,8 @@ from linkage_ros.messages.topics import (
     MECHANISM_STATE,
     Topic,
     point_topic,
+    prefix_of,
+    topic_of_linkage,
 )
 from linkage_ros.numeric import Real
 from linkage_ros.units import NS_PER_S
@@ -30,9 +33,6 @@ from linkage_ros.units import NS_PER_S
 ROOT_FRAME = 'base_link'
 QUANTITIES = ('position', 'velocity', 'acceleration', 'effort')
 
-# A trajectory point that begins at a multiple of 8 bytes and ends at one: four sequences of one
-# number each (length, padding to a multiple of 8, number), and a duration, s and ns.
-_POINT = struct.Struct('<' + 4 * 'I4xd' + 'iI')
 _LENGTH, _LENGTH_AND_PADDING = 4, 8  # bytes
 
 
@@ -97,79 +97,63 @@ def float64(name: str) -> list[Part]:
     return [ENCAPSULATION, Field(name, 'd')]
 
 
-def float64_array(name: str) -> list[Part]:
-    """Returns the template of a std_msgs/Float64MultiArray message with one number."""
-    return [ENCAPSULATION + struct.pack('<III4x', 0, 0, 1), Field(name, 'd')]
+def float64_array(names: Sequence[str]) -> list[Part]:
+    """Returns the template of a std_msgs/Float64MultiArray message with one number per name."""
+    head = ENCAPSULATION + struct.pack('<III4x', 0, 0, len(names))
+    return [head, *(Field(name, 'd') for name in names)]
 
 
-# CDR bytes of an effort of 0 for a controller, which ends a torque.
-ZERO_EFFORT = Template(float64_array('torque')).pack(0.0)
+def encode_efforts(efforts: Sequence[float]) -> bytes:
+    """Encodes efforts for a controller; an effort of 0 ends a torque."""
+    return Template(float64_array([str(i) for i in range(len(efforts))])).pack(*efforts)
 
 
-class StateTemplates:
-    """Templates of the messages of a state, which follow each other without gaps.
+class LinkageNumbers:
+    """The numbers of a linkage in the messages of a state.
 
     Attributes:
-        topics: Topics of the messages, in order.
-        parts: Template of each topic's message.
-        slices: Place of each topic's message among those of a state.
-        names: Names of the numbers in the messages.
-        joint_states: Template of the messages on `joint_states` alone.
+        linkage: Name of the linkage; empty for the only one.
+        names: Names of the numbers.
+        joints: Names of the published joints.
+        driven: The driven joint.
+        points: Names of the traced points.
+        frame_id: Frame of the points.
     """
 
     def __init__(
-        self,
-        structure: Structure,
-        joints: Sequence[RobotJoint],
-        frame_id: str,
-        effort_topic: str = '',
+        self, structure: Structure, joints: Sequence[RobotJoint], frame_id: str, linkage: str = ''
     ) -> None:
-        """Prepares the templates.
+        """Prepares the program of the numbers.
 
         Args:
             structure: Structure of the mechanism.
             joints: The joint of each link.
             frame_id: Frame of the messages.
-            effort_topic: Topic of the feed-forward torque; empty without feed-forward.
+            linkage: Name of the linkage.
         """
-        names = [joint.name for joint in joints if joint.name]
-        driven = joints[structure.driven]
-        self.parts = {
-            JOINT_STATES: joint_state(names, frame_id),
-            DRIVING_TORQUE: float64(f'effort[{driven.name}]'),
-            MECHANISM_STATE: trajectory(names, frame_id),
-        }
+        self.linkage, self.frame_id = linkage, frame_id
+        self.joints = [joint.name for joint in joints if joint.name]
+        self.driven, self.points = joints[structure.driven], [*structure.traced]
         # A joint that is not published still has numbers, of which no message has a field.
-        every = [joint.name or f'{i}, not published' for i, joint in enumerate(joints)]
-        self.names = [field.name for field in STAMP_FIELDS] + joint_numbers(every)
-        for name in structure.traced:
-            self.parts[point_topic(name)] = point(name, frame_id)
-            self.names += point_numbers(name)
-        if effort_topic:
-            topic = EFFORT_COMMANDS._replace(name=effort_topic)
-            self.parts[topic] = float64_array('torque ahead')
-            self.names.append('torque ahead')
-        self.topics = tuple(self.parts)
-        self.joint_states = Template(self.parts[JOINT_STATES])
-        self._template = Template([*chain(*self.parts.values())], self.names)
-        self.slices = dict[Topic, slice]()
-        start = 0
-        for topic, parts in self.parts.items():
-            end = start + Template(parts).size
-            self.slices[topic] = slice(start, end)
-            start = end
-        self._ratio = driven.ratio
+        prefix = prefix_of(linkage)
+        every = [x.name or f'{prefix}{i}, not published' for i, x in enumerate(joints)]
+        points = (number for name in self.points for number in point_numbers(f'{prefix}{name}'))
+        self.names = [*joint_numbers(every), *points]
         self._program = _program_of_numbers(structure, joints)
 
-    def numbers(
-        self, state: State, unwrapped: Real, ahead: State | None = None, *, stacked: bool = False
-    ) -> tuple[Real, ...]:
-        """Computes the numbers in the messages of a state, except its stamp.
+    def topics(self) -> dict[Topic, list[Part]]:
+        """Returns the templates of the linkage's own messages, by topic; torque first."""
+        found = {DRIVING_TORQUE: float64(f'effort[{self.driven.name}]')}
+        for name in self.points:
+            found[point_topic(name)] = point(f'{prefix_of(self.linkage)}{name}', self.frame_id)
+        return {topic_of_linkage(topic, self.linkage): parts for topic, parts in found.items()}
+
+    def of(self, state: State, unwrapped: Real, *, stacked: bool = False) -> tuple[Real, ...]:
+        """Computes the numbers in the messages of a state.
 
         Args:
             state: State of the mechanism, with floats or, for many states, arrays.
             unwrapped: Position of the driven link; see `joint_rows`.
-            ahead: State whose torque is the feed-forward torque; None without feed-forward.
             stacked: Whether the values are arrays.
 
         Returns:
@@ -179,11 +163,96 @@ class StateTemplates:
         values = *position, *velocity, *acceleration, torque, unwrapped
         program = self._program if stacked else self._program.floats
         found: tuple[Real, ...] = program(*values)
-        return found if ahead is None else (*found, ahead.torque / self._ratio + 0.0)
+        return found
+
+    def effort(self, state: State) -> Real:
+        """Returns the effort of the driven joint in a state, without -0.0."""
+        return state.torque / self.driven.ratio + 0.0
+
+
+class StateTemplates:
+    """Templates of the messages of a state, which follow each other without gaps.
+
+    Attributes:
+        topics: Topics of the messages, in order.
+        parts: Template of each topic's message.
+        slices: Place of each topic's message among those of a state.
+        names: Names of the numbers in the messages: the stamp, the numbers of each linkage that
+            the state holds, and, with feed-forward, an effort of each linkage of the run.
+        joint_states: Template of the messages on `joint_states` alone.
+    """
+
+    def __init__(
+        self,
+        linkages: Sequence[LinkageNumbers],
+        frame_id: str,
+        effort_topic: str = '',
+        every: Sequence[str] = ('',),
+    ) -> None:
+        """Prepares the templates.
+
+        Args:
+            linkages: The linkages that the state holds.
+            frame_id: Frame of the messages of joints.
+            effort_topic: Topic of the feed-forward torques; empty without feed-forward.
+            every: Names of all linkages of the run, in the order of their efforts.
+        """
+        joints = [joint for linkage in linkages for joint in linkage.joints]
+        own = [linkage.topics() for linkage in linkages]
+        torques = [next(iter(topics.items())) for topics in own]
+        points = [item for topics in own for item in [*topics.items()][1:]]
+        self.parts = {
+            JOINT_STATES: joint_state(joints, frame_id),
+            **dict(torques),
+            MECHANISM_STATE: trajectory(joints, frame_id),
+            **dict(points),
+        }
+        self.names = [field.name for field in STAMP_FIELDS]
+        self.names += [name for linkage in linkages for name in linkage.names]
+        if effort_topic:
+            ahead = [f'torque ahead{f" of {x}" * bool(x)}' for x in every]
+            self.parts[EFFORT_COMMANDS._replace(name=effort_topic)] = float64_array(ahead)
+            self.names += ahead
+        self.topics = tuple(self.parts)
+        self.joint_states = Template(self.parts[JOINT_STATES])
+        self._template = Template([*chain(*self.parts.values())], self.names)
+        self.slices = dict[Topic, slice]()
+        start = 0
+        for topic, parts in self.parts.items():
+            end = start + Template(parts).size
+            self.slices[topic] = slice(start, end)
+            start = end
 
     def pack(self, stamp: int, numbers: Sequence[Real]) -> bytes:
         """Returns the CDR bytes of a state's messages, from its stamp, ns, and its numbers."""
         return self._template.pack(*divmod(stamp, NS_PER_S), *numbers)
+
+
+class RunTemplates:
+    """Templates of the states of a run, which hold all of its linkages or some of them.
+
+    Attributes:
+        names: Names of all linkages.
+        topics: Topics of the states.
+        owned: The topics that each linkage alone has, by its name.
+    """
+
+    def __init__(
+        self, linkages: Sequence[LinkageNumbers], frame_id: str, effort_topic: str = ''
+    ) -> None:
+        """Initializes the templates; see `StateTemplates`."""
+        self._linkages = {linkage.linkage: linkage for linkage in linkages}
+        self.names, self._others = tuple(self._linkages), (frame_id, effort_topic)
+        self._made = dict[tuple[str, ...], StateTemplates]()
+        self.topics = self.of(self.names).topics
+        self.owned = {name: tuple(x.topics()) for name, x in self._linkages.items()}
+
+    def of(self, names: tuple[str, ...]) -> StateTemplates:
+        """Returns the templates of states that hold some linkages, in the order of `names`."""
+        if names not in self._made:
+            held = [self._linkages[name] for name in names]
+            self._made[names] = StateTemplates(held, *self._others, self.names)
+        return self._made[names]
 
 
 def _program_of_numbers(structure: Structure, joints: Sequence[RobotJoint]) -> Program:
@@ -215,49 +284,63 @@ def _numbers(
     return tuple(number + 0.0 for row in rows for number in row)
 
 
-def holding_trajectory(name: str, frame_id: str, position: float) -> bytes:
-    """Encodes a JointTrajectory message that holds a position with an effort of 0, from now on.
+def holding_trajectory(positions: Mapping[str, float], frame_id: str) -> bytes:
+    """Encodes a JointTrajectory message that holds positions with efforts of 0, from now on.
 
     Args:
-        name: Name of the joint.
+        positions: Position of each joint, rad or m, by name.
         frame_id: Frame of the message.
-        position: The position, rad or m.
 
     Returns:
         The CDR bytes of the message, whose stamp is 0: a point of the past would be refused.
     """
-    return crank_trajectory(name, frame_id, [(0, (position, 0.0, 0.0, 0.0))])
+    zeros = [0.0] * len(positions)
+    return crank_trajectory([*positions], frame_id, [(0, ([*positions.values()], *[zeros] * 3))])
 
 
 def crank_trajectory(
-    name: str, frame_id: str, points: Collection[tuple[int, tuple[float, ...]]]
+    names: Sequence[str],
+    frame_id: str,
+    points: Collection[tuple[int, Sequence[Sequence[float]]]],
 ) -> bytes:
-    """Encodes a JointTrajectory message of one joint and many points.
+    """Encodes a JointTrajectory message of the driven joints and many points.
 
     Args:
-        name: Name of the joint.
+        names: Names of the joints.
         frame_id: Frame of the message.
-        points: Stamp of each point, ns, in increasing order, and its values: position, rad,
-            velocity, rad/s, acceleration, rad/s^2, and effort, N m.
+        points: Stamp of each point, ns, in increasing order, and its four rows, which have a
+            number for each joint: positions, rad, velocities, rad/s, accelerations, rad/s^2, and
+            efforts, N m.
 
     Returns:
         The CDR bytes of the message, whose stamp is that of the first point.
     """
     start, _ = next(iter(points))
-    before_points = count(_named([name], frame_id, start), len(points))
-    encoded = b''.join(_trajectory_point(time - start, values) for time, values in points)
+    before_points = count(_named(names, frame_id, start), len(points))
+    encoded = b''.join(_trajectory_point(time - start, *rows) for time, rows in points)
     if len(before_points) % 8:
         # The first length, 4 bytes after a multiple of 8, needs no padding. All later offsets are
-        # as in `_POINT`.
+        # as in `_point_of`.
         encoded = encoded[:_LENGTH] + encoded[_LENGTH_AND_PADDING:]
     return ENCAPSULATION + before_points + encoded
 
 
-def _trajectory_point(time_from_start: int, values: Sequence[float]) -> bytes:
-    """Encodes a point of one joint, ns and values as in `crank_trajectory`, without -0.0."""
-    position, velocity, acceleration, effort = values
-    one = 1  # length of each sequence
-    return _POINT.pack(
-        one, position + 0.0, one, velocity + 0.0, one, acceleration + 0.0, one, effort + 0.0,
-        *divmod(time_from_start, NS_PER_S),
-    )  # fmt: skip
+@functools.cache
+def _point_of(joints: int) -> struct.Struct:
+    """Returns the layout of a trajectory point that begins at a multiple of 8 bytes.
+
+    It has four sequences (length, padding to a multiple of 8, numbers), and a duration, s and ns,
+    and ends at a multiple of 8.
+    """
+    return struct.Struct('<' + 4 * f'I4x{joints}d' + 'iI')
+
+
+def _trajectory_point(
+    time_from_start: int, positions: Sequence[float], *others: Sequence[float]
+) -> bytes:
+    """Encodes a point, ns and rows as in `crank_trajectory`, without -0.0."""
+    numbers, length = list[float](), len(positions)
+    for row in (positions, *others):
+        numbers.append(length)
+        numbers += [number + 0.0 for number in row]
+    return _point_of(length).pack(*numbers, *divmod(time_from_start, NS_PER_S))

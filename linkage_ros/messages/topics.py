@@ -224,6 +224,16 @@ def point_topic(name: str) -> Topic:
     return POINTS._replace(name=f'points/{name}')
 
 
+def prefix_of(linkage: str, separator: str = '/') -> str:
+    """Returns what precedes the names of a linkage; '' for the only one, which has no name."""
+    return f'{linkage}{separator}' if linkage else ''
+
+
+def topic_of_linkage(topic: Topic, linkage: str) -> Topic:
+    """Returns a topic of which each linkage has its own."""
+    return topic._replace(name=f'{prefix_of(linkage)}{topic.name}')
+
+
 def qualified(topic: Topic) -> str:
     """Returns the fully qualified name of a topic for a node without a namespace."""
     return topic.name if topic.name.startswith('/') else f'/{topic.name}'

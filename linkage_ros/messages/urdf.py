@@ -3,9 +3,11 @@
 """Generates the URDF of a mechanism's open tree."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 from xml.etree import ElementTree as ET
 
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.rigid_links import RigidLink, rigid_links
 from linkage_ros.messages.templates import ROOT_FRAME
@@ -20,6 +22,26 @@ _HARDWARE = {
     'joint_states_topic': '/plant/joint_states',
     'trigger_joint_command_threshold': '-1',
 }
+
+
+def merged_urdf(descriptions: Sequence[str]) -> str:
+    """Returns one URDF of several, whose roots are one link.
+
+    Args:
+        descriptions: URDF texts, of which each may have the root of the first.
+
+    Raises:
+        ConfigurationError: Their roots differ, so that they are no tree.
+    """
+    if len(descriptions) == 1:
+        return descriptions[0]
+    first, *others = map(ET.fromstring, descriptions)  # noqa: S314, made here
+    base = first[0].attrib
+    for root, *children in others:
+        if root.attrib != base:
+            raise ConfigurationError('frame_id: must be the same link for all linkages')
+        first.extend(children)
+    return ET.tostring(first, encoding='unicode')
 
 
 def link_of(joint: str) -> str:

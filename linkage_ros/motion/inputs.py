@@ -4,9 +4,10 @@
 
 import time
 from collections import deque
-from collections.abc import Iterable
-from typing import Any, Generic, TypeVar
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Generic, NamedTuple, TypeVar
 
+from linkage_ros.messages.topics import prefix_of
 from linkage_ros.motion.segments import Motion
 from linkage_ros.units import NS_PER_S
 
@@ -86,8 +87,12 @@ class Expiring(Generic[T]):
         return has_expired or self._losses.are_frequent
 
 
+class UnnamedError(ValueError):
+    """A message that does not name the crank of the linkage; it may be for another linkage."""
+
+
 class Input:
-    """Reader of the messages on a topic that a drive receives."""
+    """Reader of the messages for one linkage on a topic that its drive receives."""
 
     def read(self, data: bytes, received: int) -> Any:
         """Reads a message.
@@ -100,9 +105,16 @@ class Input:
             A value for `applied`.
 
         Raises:
+            UnnamedError: The message is not for this linkage.
             ValueError: The message must be rejected; the error text is the cause.
         """
         raise NotImplementedError
+
+    def reject(self, error: ValueError) -> None:
+        """Counts a rejected message, given the error of `read`."""
+
+    def prepare(self, motion: Any, stamp: int) -> None:
+        """Takes the motion at a tick, before the messages since the last tick are read."""
 
     def applied(self, motion: Any, stamp: int, elapsed: int, received: Iterable[Any]) -> Motion:
         """Applies the messages received since the last tick to a motion.
@@ -111,7 +123,7 @@ class Input:
             motion: The motion so far.
             stamp: Stamp of the tick, ns.
             elapsed: Time from tick 0, ns, which a step of the clock does not change.
-            received: Iterator that calls `read` for each new message.
+            received: Results of `read` for the new messages.
 
         Returns:
             The motion from the tick on.
@@ -129,3 +141,88 @@ class Input:
     def diagnostics(self) -> dict[str, str]:
         """Returns figures for diagnostics, by name."""
         return {}
+
+
+class Received(NamedTuple):
+    """What a message holds for the linkages of a run.
+
+    Attributes:
+        values: Result of `Input.read` for each linkage that accepts the message, by its name.
+        refused: Why other linkages that it names reject it, by their names.
+    """
+
+    values: dict[str, Any]
+    refused: dict[str, ValueError]
+
+
+class SharedInput:
+    """Reader of the messages on a topic that all linkages of a run share.
+
+    A message may name any of their cranks.
+
+    Attributes:
+        sources: Reader of each linkage, by its name.
+    """
+
+    def __init__(self, sources: Mapping[str, Input]) -> None:
+        self.sources = sources
+
+    def read(self, data: bytes, received: int) -> Received:
+        """Reads a message; see `Input.read`.
+
+        Raises:
+            ValueError: No linkage accepts the message. The error text is the cause.
+        """
+        return self.collect(lambda source: source.read(data, received))
+
+    def collect(self, read: Callable[[Any], Any]) -> Received:
+        """Reads a message for each linkage, given a function that reads it with one `Input`.
+
+        Raises:
+            ValueError: As for `read`.
+        """
+        found, refused, unnamed = dict[str, Any](), dict[str, ValueError](), list[ValueError]()
+        for name, source in self.sources.items():
+            try:
+                found[name] = read(source)
+            except UnnamedError as error:  # noqa: PERF203, one must not affect the others
+                unnamed.append(error)
+            except ValueError as error:
+                refused[name] = error
+                source.reject(error)
+        if found:
+            return Received(found, refused)
+        if refused:
+            raise ValueError('; '.join(refusals(refused)))
+        for source, absent in zip(self.sources.values(), unnamed, strict=True):
+            source.reject(absent)
+        raise unnamed[0]
+
+    def troubles(self, topic: str) -> list[str]:
+        """Returns warnings, given the name of the topic; a change is reported at once."""
+        return [
+            f'{prefix_of(name, ": ")}{line}'
+            for name, source in self.sources.items()
+            for line in source.troubles(topic)
+        ]
+
+    def notes(self, topic: str) -> list[str]:
+        """Returns likely mistakes to report at the start, given the name of the topic."""
+        return [
+            f'{prefix_of(name, ": ")}{line}'
+            for name, source in self.sources.items()
+            for line in source.notes(topic)
+        ]
+
+    def diagnostics(self) -> dict[str, str]:
+        """Returns figures for diagnostics, by name."""
+        return {
+            f'{prefix_of(name, ": ")}{key}': value
+            for name, source in self.sources.items()
+            for key, value in source.diagnostics().items()
+        }
+
+
+def refusals(refused: Mapping[str, ValueError]) -> list[str]:
+    """Describes why linkages reject a message, given the errors by their names."""
+    return [f'{prefix_of(name, ": ")}{error}' for name, error in refused.items()]

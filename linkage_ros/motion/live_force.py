@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 from linkage_ros.mechanism.loads.force import LINK, Force
 from linkage_ros.messages.cdr import decode_wrench
-from linkage_ros.messages.topics import WRENCHES
+from linkage_ros.messages.topics import WRENCHES, prefix_of
 from linkage_ros.messages.urdf import link_of
 from linkage_ros.motion.inputs import Expiring, Input
 
@@ -28,17 +28,19 @@ class LiveForce(Input):
         counts: Numbers of messages, by their names in diagnostics.
     """
 
-    def __init__(self, load: Force, joint_prefix: str, frame_id: str) -> None:
+    def __init__(self, load: Force, joint_prefix: str, frame_id: str, linkage: str = '') -> None:
         """Initializes with the force of the parameters.
 
         Args:
             load: The load, with a `wrench_topic`.
             joint_prefix: Prefix of the names of joints and links.
             frame_id: Name of base_link.
+            linkage: Name of the linkage.
         """
+        prefix = prefix_of(linkage, '.')
         self.name = load.name
         self.topic = WRENCHES._replace(
-            name=load.wrench_topic, parameter=f'{load.label}.{WRENCHES.name}'
+            name=load.wrench_topic, parameter=f'{prefix}{load.label}.{WRENCHES.name}'
         )
         self.held: Expiring[Vector] = Expiring(load.force, load.wrench_timeout)
         self.counts = dict.fromkeys((TAKEN, REJECTED), 0)

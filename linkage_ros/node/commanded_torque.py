@@ -9,7 +9,7 @@ depends. A zero means no drive, not standstill.
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from linkage_ros.log.records import TorqueEnd
 
@@ -17,7 +17,7 @@ MEASUREMENT_TIMEOUT = 'measurement_timeout'  # cause of a zero
 
 
 class CommandedTorque:
-    """Decides when the torque that others hold must end, and ends it.
+    """Decides when the torques that others hold must end, and ends them.
 
     The thread of the ticks calls all methods except `end_for_good`.
     """
@@ -26,35 +26,39 @@ class CommandedTorque:
         """Initializes without a torque.
 
         Args:
-            send_zeros: Sends and logs a zero on each topic of commands.
+            send_zeros: Sends and logs a zero on each topic of commands, for the linkage of the end
+                or, without a name, for all.
             timeout: Time after a command without a further one at which the torque ends, s; 0:
                 never.
         """
         self._send_zeros, self._timeout = send_zeros, timeout or math.inf
-        self._is_held, self._renewed = False, -math.inf
+        self._renewed = dict[str, float]()  # time of the last command, s, of each held torque
         self._last_cause = ''  # that of the node's end
 
-    def renew(self) -> None:
-        """Notes that a torque was commanded now."""
-        self._is_held, self._renewed = True, time.monotonic()
+    def renew(self, linkages: Iterable[str] = ('',)) -> None:
+        """Notes that torques were commanded now, by linkage."""
+        self._renewed |= dict.fromkeys(linkages, time.monotonic())
         if self._last_cause:  # a tick that hung has commanded a torque after the end
             self._end(self._last_cause)
 
     @property
     def seconds_left(self) -> float:
-        """Time until the torque ends unless it is renewed, s; inf if it does not."""
-        return self._renewed + self._timeout - time.monotonic() if self._is_held else math.inf
+        """Time until a torque ends unless it is renewed, s; inf if none does."""
+        return min(self._renewed.values(), default=math.inf) + self._timeout - time.monotonic()
 
     def end_if_due(self) -> None:
-        """Ends the torque if it was not renewed in time."""
-        if self.seconds_left <= 0.0:
-            self._end(MEASUREMENT_TIMEOUT)
+        """Ends the torques that were not renewed in time."""
+        due = time.monotonic() - self._timeout
+        for linkage, renewed in [*self._renewed.items()]:
+            if renewed <= due:
+                del self._renewed[linkage]
+                self._send_zeros(TorqueEnd(time.time_ns(), MEASUREMENT_TIMEOUT, linkage))
 
     def end_for_good(self, cause: str) -> None:
-        """Ends the torque with the node, also if it has ended before: the zero may be lost."""
+        """Ends all torques with the node, also if they have ended before: a zero may be lost."""
         self._last_cause = cause
         self._end(cause)
 
     def _end(self, cause: str) -> None:
-        self._is_held = False
+        self._renewed.clear()
         self._send_zeros(TorqueEnd(time.time_ns(), cause))

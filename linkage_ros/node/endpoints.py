@@ -235,7 +235,7 @@ class PolledSubscription:
             try:
                 result = self._read(data, received)
             except ValueError as error:
-                self._reject(str(error))
+                self.reject(str(error))
             else:
                 yield result
         if self._rejected and self._throttle.is_due():
@@ -243,7 +243,8 @@ class PolledSubscription:
             self._rejected.clear()
             self._logger.warning(f'messages on {self.name} are rejected: {counts}')
 
-    def _reject(self, words: str) -> None:
+    def reject(self, words: str) -> None:
+        """Counts a rejected message for the next report, given the cause and details."""
         cause = words.partition(':')[0]
         if cause not in self._rejected and len(self._rejected) >= _CAUSES:
             cause = words = 'other causes'

@@ -18,10 +18,17 @@ from scipy.spatial.transform import Rotation
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.messages.templates import ROOT_FRAME
-from linkage_ros.messages.urdf import make_urdf
+from linkage_ros.messages.topics import prefix_of
+from linkage_ros.messages.urdf import make_urdf, merged_urdf
 from linkage_ros.quantities import Quantity, shown
 from linkage_ros.settings.configuration import configure, read_values
-from linkage_ros.settings.parameters import VIEWERS, MechanismAndDrive, parameter_leaves
+from linkage_ros.settings.linkages import LINKAGES, linkage_names, split
+from linkage_ros.settings.parameters import (
+    OF_THE_RUN,
+    VIEWERS,
+    MechanismAndDrive,
+    parameter_leaves,
+)
 from linkage_ros.settings.yaml_file import read_scalar
 from linkage_ros.xml_file import read_xml
 
@@ -142,9 +149,18 @@ def _with_drive(drive: str, arguments: Mapping[str, str]) -> Values:
     """Returns the parameters of the file that apply to a drive, with that drive."""
     file = read_values(arguments['params'], arguments['namespace'])
     configure(file)
-    kind = MechanismAndDrive.of({'mechanism': 'four_bar', **file, 'drive': drive})
-    known = {leaf.name for leaf in parameter_leaves(kind, file)}
-    return {**{name: value for name, value in file.items() if name in known}, 'drive': drive}
+    names = linkage_names(file)
+    top, own = split(file, names)
+    known = {}  # names of parameters by linkage
+    for name in names:
+        values = {'mechanism': 'four_bar', **top, **own[name], 'drive': drive}
+        found = parameter_leaves(MechanismAndDrive.of(values), {**top, **own[name]})
+        known[name] = {leaf.name for leaf in found}
+    kept = {x: value for x, value in top.items() if all(x in one for one in known.values())}
+    for name in filter(None, names):
+        kept |= {f'{name}.{x}': value for x, value in own[name].items() if x in known[name]}
+    kept |= {LINKAGES: file[LINKAGES]} if LINKAGES in file else {}
+    return {**kept, 'drive': drive}
 
 
 def robot(arguments: Mapping[str, str]) -> tuple[Values, list[Any]]:
@@ -163,7 +179,9 @@ def robot(arguments: Mapping[str, str]) -> tuple[Values, list[Any]]:
         ConfigurationError: The URDF, the file or a value cannot be used.
     """
     values, publisher = follow(arguments)
-    joints = [joint.name for joint in configure(values).robot_joints if joint.name]
+    linkages = configure(values).linkages
+    joints = [joint.name for x in linkages for joint in x.robot_joints if joint.name]
+    cranks = [x.robot_joints[x.mechanism.structure().driven].name for x in linkages]
     path = Path(arguments['urdf'])
     root = read_xml(path)
     missing = {*joints} - {joint.get('name') for joint in root.iter('joint')}
@@ -180,8 +198,8 @@ def robot(arguments: Mapping[str, str]) -> tuple[Values, list[Any]]:
     # The answers repeat the crank, which the first robot_state_publisher already publishes.
     for joint in (*root.iter('joint'), *root.iter('mimic')):
         name = 'joint' if joint.tag == 'mimic' else 'name'
-        if joint.get(name) == joints[0]:
-            joint.set(name, f'{joints[0]}, measured')
+        if joint.get(name) in cranks:
+            joint.set(name, f'{joint.get(name)}, measured')
     # The limit of publish_frequency would drop other messages in one than in the other.
     publisher['ignore_timestamp'] = True
     passive = {**publisher, 'robot_description': ET.tostring(root, encoding='unicode')}
@@ -242,18 +260,35 @@ def demo(arguments: Mapping[str, str]) -> tuple[Values, Values]:
     return _linkage({**file, **given(arguments, ('rpm', *_COMMON))}, arguments)
 
 
+def side_by_side(names: Sequence[str], arguments: Mapping[str, str]) -> tuple[Values, Values]:
+    """Returns the parameters of one node with several linkages, as `demo` does.
+
+    Args:
+        names: Names of the linkages; the argument with the name of each is its file.
+        arguments: All arguments of the launch file.
+    """
+    over = given(arguments, ('rpm', *_COMMON))
+    values: Values = {LINKAGES: [*names]}
+    for linkage in names:
+        for name, value in read_values(arguments[linkage], arguments['namespace']).items():
+            if name not in over:
+                values[name if name in OF_THE_RUN else f'{linkage}.{name}'] = value
+    return _linkage({**values, **over}, arguments)
+
+
 def _linkage(values: Values, arguments: Mapping[str, str]) -> tuple[Values, Values]:
-    configuration = configure(values)
-    session, prefix = configuration.session, arguments['frame_prefix']
+    linkages, prefix = configure(values).linkages, arguments['frame_prefix']
+    descriptions = [
+        make_urdf(x.mechanism, x.session.joint_prefix, x.session.frame_id) for x in linkages
+    ]
     publisher = {
-        'robot_description': make_urdf(
-            configuration.mechanism, session.joint_prefix, session.frame_id
-        ),
+        'robot_description': merged_urdf(descriptions),
         'frame_prefix': prefix,
         'publish_frequency': _TF_RATE,
         'use_sim_time': values.get('use_sim_time', False),
     }
-    return {**values, 'frame_id': prefix + session.frame_id}, publisher
+    frames = {f'{prefix_of(x.name, ".")}frame_id': prefix + x.session.frame_id for x in linkages}
+    return {**values, **frames}, publisher
 
 
 def program(

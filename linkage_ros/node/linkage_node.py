@@ -5,31 +5,22 @@
 import functools
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import replace
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import chain
+from typing import Any, TypeAlias, TypeVar, cast
 
 from rclpy.publisher import Publisher
 
 from linkage_ros import cli
-from linkage_ros.errors import LinkageError, MotionError
-from linkage_ros.log.records import TorqueEnd
+from linkage_ros.errors import LinkageError, MotionError, in_linkage
+from linkage_ros.log.records import LinkageEnd, TorqueEnd
 from linkage_ros.log.rows import LoggedState
-from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
-from linkage_ros.mechanism.kinematics import State
-from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.messages.cdr import WARN, encode_diagnostics
-from linkage_ros.messages.templates import ZERO_EFFORT
-from linkage_ros.messages.topics import (
-    DIAGNOSTICS,
-    ROBOT_DESCRIPTION,
-    SIMULATED_CLOCK,
-    Topic,
-)
+from linkage_ros.messages.templates import encode_efforts
+from linkage_ros.messages.topics import DIAGNOSTICS, SIMULATED_CLOCK, Topic, prefix_of
 from linkage_ros.motion.drives.follow import MeasuredCrank
-from linkage_ros.motion.measured import FollowSegment
-from linkage_ros.motion.segments import Coordinates, Gravity, Motion, Segment
+from linkage_ros.motion.inputs import Received, SharedInput, refusals
+from linkage_ros.motion.segments import Coordinates, Motion
 from linkage_ros.node.commanded_torque import CommandedTorque
 from linkage_ros.node.endpoints import (
     PolledSubscription,
@@ -41,20 +32,25 @@ from linkage_ros.node.endpoints import (
     wait_for_subscribers,
 )
 from linkage_ros.node.health import HealthMonitor
+from linkage_ros.node.moving_linkage import MovingLinkage
 from linkage_ros.node.outputs import Outputs
 from linkage_ros.node.parameter_node import ParameterNode, given_values
 from linkage_ros.node.process import reported_as_configuration, run_program
 from linkage_ros.node.ticker import RealTimeTicker, SimTimeTicker, Ticker
 from linkage_ros.node.workers import accompany_ticker, freeze_heap
-from linkage_ros.quantities import build, counted, flatten
-from linkage_ros.run.states import Simulator
+from linkage_ros.quantities import counted
+from linkage_ros.run.robot import HeldEfforts, Robot
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
-from linkage_ros.settings.configuration import configure, preset_note
+from linkage_ros.settings.configuration import Configuration, configure, preset_note
 from linkage_ros.settings.help import node_parser
 from linkage_ros.settings.notes import notes
-from linkage_ros.settings.parameters import parameter_leaves
+from linkage_ros.settings.parameters import OF_THE_RUN
 from linkage_ros.settings.summary import summary
 from linkage_ros.units import NS_PER_MS
+
+_T = TypeVar('_T')
+# Coordinates of a state, and those for the feed-forward torque.
+Moment: TypeAlias = tuple[Coordinates, Coordinates | None]
 
 _NAME = 'linkage_node'
 # Time for a tick to end before the zero is sent that ends the torque, s. It must not wait for a
@@ -64,66 +60,83 @@ _REPORT_SECONDS, _WATCH_SECONDS = 1.0, 0.05  # between reports, and between look
 
 
 class LinkageNode(ParameterNode):
-    """Publishes the states of a mechanism.
+    """Publishes the states of one or several linkages.
 
-    Published topics: those of the simulator, while they have subscribers; robot_description;
+    Published topics: those of the states, while they have subscribers; robot_description;
     and /diagnostics, once a second.
     Subscribed topics: /clock, if use_sim_time is true; commands or measurements, depending on the
     drive.
     Parameters: those of the configuration. rpm, motor.torque and, unless the drive is a torque,
-    gravity may be set at any time.
+    gravity may be set at any time, for all linkages without a value of their own, or for one.
     """
 
     def __init__(self, stop: cli.Stop) -> None:
         super().__init__(_NAME)
         given = given_values(self)
         configuration = configure(given)
-        self._stop, self._drive = stop, configuration.drive  # set_live replaces the drive
-        values = configuration.parameters()
-        values.setdefault('start_rpm', values.get('rpm'))  # the effective default
-        self.declare(parameter_leaves(configuration.kind, values), values)
-        self._simulator = simulator = Simulator(configuration)
-        simulator.prepare_live()
-        self._ranges = Ranges(simulator.solver)
-        self._gravity: Gravity | None = None  # set while running
-        self._motion: Motion | None = None
-        self._segment: Segment | None = None  # the last logged segment
-        self._state: State | None = None
-        self._coordinates: Coordinates | None = None  # those of the state
-        self._first: Sequence[float] = ()  # numbers of the first state, until they are reported
-        others, inputs, forces = [DIAGNOSTICS], simulator.inputs(), simulator.live_forces()
-        heard: dict[Topic, Any] = {**inputs, **forces}
-        if simulator.description:
-            others.append(ROBOT_DESCRIPTION)
+        self._stop = stop
+        self._own = {name: {*names} for name, names in configuration.own.items()}
+        self._declare_all(configuration)
+        self._robot = robot = Robot(configuration)
+        for name, simulator in robot.simulators.items():
+            with in_linkage(name):
+                simulator.prepare_live()
+        # Names of linkages whose motion has ended, each with the error.
+        self._ended = dict[str, LinkageError]()
+        self._held = HeldEfforts(robot.names)
+        others, inputs, forces = [DIAGNOSTICS], robot.inputs(), robot.live_forces()
+        heard: dict[Topic, Any] = {**inputs}
+        for topics in forces.values():
+            heard |= topics
+        others += robot.descriptions()
         self._trajectory: TrajectoryAhead | None = None
-        if self._drive.trajectory_command_topic:
-            self._trajectory = TrajectoryAhead(simulator)
+        if robot.drive.trajectory_command_topic:
+            self._trajectory = TrajectoryAhead(robot)
             others.append(self._trajectory.topic)
         with reported_as_configuration():  # a topic name may be invalid
-            require_distinct(self, [*heard, *simulator.templates.topics, *others])
-            # Each with the place of its message among those of a state.
-            self._states = [
-                (StatePublisher(self, topic), place)
-                for topic, place in simulator.templates.slices.items()
-            ]
+            require_distinct(self, [*heard, *robot.templates.topics, *others])
+            self._states = {
+                topic.name: StatePublisher(self, topic) for topic in robot.templates.topics
+            }
             self._publisher_of = {topic.name: create_publisher(self, topic) for topic in others}
-            for topic, (state, _) in zip(simulator.templates.slices, self._states, strict=True):
-                self._publisher_of[topic.name] = state.publisher
-        self._torque = CommandedTorque(self._send_zeros, self._drive.measurement_timeout)
-        self._outputs = Outputs(self, simulator, [*others, *heard])
-        self._inputs, self._forces = self._subscribed(inputs), self._subscribed(forces)
+            for name, state in self._states.items():
+                self._publisher_of[name] = state.publisher
+        self._torque = CommandedTorque(self._send_zeros, robot.drive.measurement_timeout)
+        self._outputs = Outputs(self, robot, [*others, *heard])
+        self._inputs = self._subscribed(inputs)
+        self._linkages = {
+            name: MovingLinkage(
+                simulator, self._subscribed(forces[name]), self._outputs.log_segment
+            )
+            for name, simulator in robot.simulators.items()
+        }
+        self._moving = {**self._linkages}  # without those whose motion has ended
         self._ticker = self._make_ticker()
         name = self.get_fully_qualified_name().lstrip('/')
         self._monitor = HealthMonitor(name)
-        self.get_logger().info(preset_note(given) + summary(configuration, simulator.solver))
+        for name, linkage in self._linkages.items():
+            words = summary(linkage.simulator.linkage, linkage.simulator.solver)
+            self.get_logger().info(f'{preset_note(given)}{prefix_of(name, ": ")}{words}')
         for line in notes(configuration):
             self.get_logger().warning(line)
         for subscription, source in self._inputs:
             for line in source.notes(subscription.name):
                 self.get_logger().warning(line)
-        wait_for_subscribers([state.publisher for state, _ in self._states])
+        wait_for_subscribers([state.publisher for state in self._states.values()])
         self._lost: list[str] = []  # warnings in the last report about sources of messages
         freeze_heap()
+
+    def _declare_all(self, configuration: Configuration) -> None:
+        """Declares the parameters, and those of each linkage that may be set while running."""
+        values, leaves = configuration.parameters(), configuration.leaves()
+        for linkage in configuration.linkages:
+            prefix, own = prefix_of(linkage.name, '.'), linkage.parameters()
+            for name, value in own.items():
+                if leaves[f'{prefix}{name}' if name not in OF_THE_RUN else name].quantity.live:
+                    values.setdefault(f'{prefix}{name}', value)
+            if 'start_rpm' not in own and 'rpm' in own:
+                values[f'{prefix}start_rpm'] = own['rpm']  # the effective default
+        self.declare(leaves.values(), values)
 
     def _subscribed(self, sources: Mapping[Topic, Any]) -> list[tuple[PolledSubscription, Any]]:
         """Subscribes to topics; returns each subscription with the reader of its messages."""
@@ -134,12 +147,12 @@ class LinkageNode(ParameterNode):
         ]
 
     def _make_ticker(self) -> Ticker:
-        callbacks = self._simulator.ticks, self._tick, self._restamp, self._fail
-        if self._drive.is_measured:
-            ((measured, crank),) = self._inputs
-            answer = functools.partial(self._answer, crank)
+        callbacks = self._robot.ticks, self._tick, self._restamp, self._fail
+        if self._robot.drive.is_measured:
+            ((measured, _),) = self._inputs
+            answer = functools.partial(self._answer, measured)
             receive = functools.partial(self._measurements, measured)
-            return Ticker(self._simulator.ticks, answer, self._restamp, self._fail, receive)
+            return Ticker(self._robot.ticks, answer, self._restamp, self._fail, receive)
         if not self.get_parameter('use_sim_time').value:
             return RealTimeTicker(*callbacks)
         clock = PolledSubscription(self, SIMULATED_CLOCK, read_clock, lambda *_: None)
@@ -147,9 +160,9 @@ class LinkageNode(ParameterNode):
 
     def work(self) -> int:
         """Runs the motion until the end is requested; returns the exit code."""
-        # Publish this before the first tick, for which simulated time may have to wait.
-        if self._simulator.description:
-            self._publish(ROBOT_DESCRIPTION, self._simulator.description)
+        # Publish these before the first tick, for which simulated time may have to wait.
+        for topic, message in self._robot.descriptions().items():
+            self._publish(topic, message)
         self._ticker.start()
         self._report_until_stop()
         self._ticker.stop(functools.partial(self._stop.join, timeout=_LAST_TICK_SECONDS))
@@ -164,7 +177,8 @@ class LinkageNode(ParameterNode):
             self._report_totals()
         finally:
             succeeded = self._outputs.close(self._stop.join)
-        return 0 if succeeded and ended and not self._ticker.error else 1
+        failed = self._ticker.error or self._ended
+        return 0 if succeeded and ended and not failed else 1
 
     def _report_until_stop(self) -> None:
         """Reports once a second, and when a source of messages is lost or returns.
@@ -181,10 +195,14 @@ class LinkageNode(ParameterNode):
             elif self._lost_sources() != self._lost:
                 self._report()
 
+    def _sources(self) -> list[tuple[PolledSubscription, Any]]:
+        """Returns all subscriptions, each with the reader of its messages."""
+        forces = (linkage.forces for linkage in self._linkages.values())
+        return [*self._inputs, *chain.from_iterable(forces)]
+
     def _lost_sources(self) -> list[str]:
         """Returns the warnings about sources of messages that are lost."""
-        sources = *self._inputs, *self._forces
-        return [line for topic, source in sources for line in source.troubles(topic.name)]
+        return [line for topic, x in self._sources() for line in x.troubles(topic.name)]
 
     def _cause_of_end(self) -> str:
         error = self._ticker.error
@@ -197,106 +215,171 @@ class LinkageNode(ParameterNode):
         lost = [
             f', {one.dropped} lost to the {part}' for part, one in health.items() if one.dropped
         ]
+        ended = ', '.join(filter(None, self._ended))
         self.get_logger().info(
             f'{counted(counts.kept, "state")}, '
             f'{counted(counts.missed, "tick")} missed, '
             f'{counted(counts.clock_steps, "clock step")}, latest tick '
             f'{counts.max_lateness / NS_PER_MS:.1f} ms late{"".join(lost)}'
+            f'{f"; ended early: {ended}" * bool(ended)}'
         )
 
     def _tick(self, stamp: int) -> None:
         """Computes and publishes the state of a tick; runs in the ticker's thread."""
-        elapsed = stamp - self._ticker.t0
-        motion = self._motion or self._continue(self._simulator.begin(self._ticker.t0))
-        motion = motion.under(stamp, self._conditions(elapsed), self._drive)
+        start = self._ticker.t0
+        elapsed = stamp - start
+        motions = self._each(stamp, self._moving, lambda x: x.begin_tick(stamp, start))
         for subscription, source in self._inputs:
-            motion = source.applied(motion, stamp, elapsed, subscription.take())
-        ahead = self._simulator.ahead_of(motion, stamp)
-        coordinates = motion.at(stamp)
-        self._continue(motion)
-        self._publish_state(stamp, coordinates, ahead)
-        self._publish_trajectory(stamp, motion)
+            motions = self._received(subscription, source, motions, stamp, elapsed)
+        found = self._each(stamp, motions, lambda x: x.at(stamp, motions[x.name]))
+        self._publish_state(stamp, found)
+        self._publish_trajectory(stamp)
 
-    def _measurements(self, measured: PolledSubscription) -> Iterator[tuple[int, Coordinates]]:
-        """Waits for measurements; ends the torque if they stop."""
-        yield from measured.receive(self._torque.seconds_left)
+    def _each(
+        self, stamp: int, names: Iterable[str], do: Callable[[MovingLinkage], _T]
+    ) -> dict[str, _T]:
+        """Does something with each moving linkage; an error of one ends its motion alone.
+
+        Args:
+            stamp: Stamp of the current state, ns.
+            names: Names of linkages.
+            do: What to do.
+
+        Returns:
+            The results by linkage.
+
+        Raises:
+            LinkageError: The motion of the last linkage ends.
+        """
+        found = dict[str, _T]()
+        for name in [name for name in names if name in self._moving]:
+            try:
+                found[name] = do(self._moving[name])
+            except LinkageError as error:  # noqa: PERF203, one must not affect the others
+                self._end_motion(name, stamp, error)
+        return found
+
+    def _end_motion(self, name: str, stamp: int, error: LinkageError) -> None:
+        """Ends the motion of a linkage; the others continue.
+
+        Raises:
+            LinkageError: There is no other.
+        """
+        self._ended[name] = error
+        del self._moving[name]
+        if not self._moving:
+            raise error
+        self.get_logger().error(f'{name}: {error}; the other linkages continue')
+        self._held.end([name])
+        self._outputs.log_linkage_end(LinkageEnd(stamp, str(error), name))
+
+    def _received(
+        self,
+        subscription: PolledSubscription,
+        source: SharedInput,
+        motions: Mapping[str, Motion],
+        stamp: int,
+        elapsed: int,
+    ) -> dict[str, Motion]:
+        """Applies the messages received since the last tick to the motions, by linkage."""
+        for name, motion in motions.items():
+            source.sources[name].prepare(motion, stamp)
+        received = [*subscription.take()]
+        for one in received:
+            for words in refusals(one.refused):
+                subscription.reject(words)
+
+        def applied(linkage: MovingLinkage) -> Motion:
+            name = linkage.name
+            values = [one.values[name] for one in received if name in one.values]
+            return source.sources[name].applied(motions[name], stamp, elapsed, values)
+
+        return self._each(stamp, motions, applied)
+
+    def _measurements(self, measured: PolledSubscription) -> Iterator[tuple[Received]]:
+        """Waits for measurements; ends the torques if they stop."""
+        for received in measured.receive(self._torque.seconds_left):
+            yield (received,)
         self._torque.end_if_due()
 
-    def _answer(self, crank: MeasuredCrank, stamp: int, coordinates: Coordinates) -> None:
+    def _answer(self, measured: PolledSubscription, received: Received) -> None:
         """Publishes the state of a measurement; runs in the ticker's thread."""
-        under, gravity = self._conditions(stamp), self._gravity
-        if under:
-            under = replace(under, frame=coordinates.conditions.frame)
-            coordinates = coordinates._replace(conditions=under)
-        if gravity is not None and not (self._segment and self._segment.gravity == gravity):
-            self._log_segment(FollowSegment(stamp, gravity))
-        self._publish_state(stamp, coordinates, crank.later(coordinates))
+        for words in refusals(received.refused):
+            measured.reject(words)
+        stamp, _ = next(iter(received.values.values()))
+        under = self._each(stamp, self._moving, lambda x: x.conditions(stamp))
+        self._held.end(received.refused)
+        found = dict[str, Moment]()
+        for name, (_, coordinates) in received.values.items():
+            if name in self._moving:
+                now = self._moving[name].measured(stamp, coordinates, under[name])
+                found[name] = now, self._crank(name).later(now)
+        self._publish_state(stamp, found)
 
-    def _conditions(self, now: int) -> Conditions:
-        """Returns gravity and forces of loads that act from now, ns, on."""
-        forces = {
-            source.name: source.force(now, subscription.take())
-            for subscription, source in self._forces
-        }
-        if self._gravity is None and not forces:
-            return OWN_CONDITIONS
-        return Conditions(gravity=self._gravity, forces=forces)
-
-    def _continue(self, motion: Motion) -> Motion:
-        """Sets the current motion, and logs its segment if it is new."""
-        if motion.segment is not self._segment:
-            self._log_segment(motion.segment)
-        self._motion = motion
-        return motion
-
-    def _log_segment(self, segment: Segment) -> None:
-        self._segment = segment
-        self._outputs.log_segment(segment)
+    def _crank(self, name: str) -> MeasuredCrank:
+        """Returns the reader of the measured crank of a linkage."""
+        ((_, cranks),) = self._inputs
+        return cast('MeasuredCrank', cranks.sources[name])
 
     def _restamp(self, old: int, new: int) -> None:
-        if self._motion is not None:
-            self._continue(self._motion.restamp(old, new))
+        for linkage in self._moving.values():
+            linkage.restamp(old, new)
 
-    def _publish_state(
-        self, stamp: int, coordinates: Coordinates, ahead: Coordinates | None
-    ) -> None:
-        """Computes, publishes, logs and shows the state at a stamp, ns."""
-        simulator = self._simulator
-        self._state = state = simulator.state(coordinates)
-        self._ranges.see(state)
-        later = None if ahead is None else simulator.state(ahead)
-        numbers = simulator.templates.numbers(state, coordinates.unwrapped, later)
-        if not self._coordinates:
-            self._first = numbers
-        messages = simulator.templates.pack(stamp, numbers)
-        self._coordinates = coordinates
+    def _publish_state(self, stamp: int, found: Mapping[str, Moment]) -> None:
+        """Computes, publishes, logs and shows the state at a stamp.
+
+        Args:
+            stamp: The stamp, ns.
+            found: Coordinates of each linkage in the state, and those ahead, by name.
+        """
+        parts = self._each(stamp, found, lambda x: x.part(*found[x.name]))
+        if not parts:
+            return
+        held, names = self._held.values, tuple(parts)
+        numbers = self._robot.row(parts, held)
+        for name, part in parts.items():
+            if part.effort is not None:
+                held[name] = part.effort
+        templates = self._robot.templates.of(names)
+        messages = templates.pack(stamp, numbers)
         now = time.time_ns()
-        for topic, place in self._states:
-            if topic.is_heard:
-                topic.publisher.publish(messages[place])
-        self._outputs.log_state(LoggedState(now, messages))
-        self._torque.renew()
-        self._outputs.show(stamp, state)
+        for topic, place in templates.slices.items():
+            state = self._states[topic.name]
+            if state.is_heard:
+                state.publisher.publish(messages[place])
+        self._outputs.log_state(LoggedState(now, messages, names))
+        self._torque.renew(names)
+        states = {name: self._linkages[name].state for name in names}
+        self._outputs.show(stamp, {name: state for name, state in states.items() if state})
 
-    def _publish_trajectory(self, stamp: int, motion: Motion) -> None:
+    def _publish_trajectory(self, stamp: int) -> None:
         """Publishes the trajectory ahead of a stamp, if one is due."""
         ahead = self._trajectory
-        if ahead and (message := ahead.message_at(motion, stamp)) is not None:
+        if not ahead:
+            return
+        motions = {name: x.motion for name, x in self._moving.items() if x.motion}
+        if (message := ahead.message_at(motions, stamp)) is not None:
             self._publish(ahead.topic, message)
 
     def _command_publishers(self) -> dict[str, Publisher]:
         """Returns the publishers of commands for controllers, by name of the topic."""
-        topics = self._drive.effort_command_topic, self._drive.trajectory_command_topic
+        drive = self._robot.drive
+        topics = drive.effort_command_topic, drive.trajectory_command_topic
         return {name: self._publisher_of[name] for name in topics if name}
 
     def _send_zeros(self, end: TorqueEnd) -> None:
-        """Sends and logs a torque of 0 on each topic of commands."""
-        zeros, drive = dict[str, bytes](), self._drive
+        """Sends and logs torques of 0 on each topic of commands."""
+        zeros, drive = dict[str, bytes](), self._robot.drive
+        self._held.end([end.linkage] if end.linkage else self._linkages)
         if drive.effort_command_topic:
-            zeros[drive.effort_command_topic] = ZERO_EFFORT
-        if self._trajectory and self._coordinates:
-            place = float(self._coordinates.unwrapped)
-            zeros[drive.trajectory_command_topic] = self._trajectory.zero(place)
+            efforts = [*self._held.values.values()]
+            zeros[drive.effort_command_topic] = encode_efforts(efforts)
+        places = {
+            name: float(x.coordinates.unwrapped)
+            for name, x in self._linkages.items() if x.coordinates
+        }  # fmt: skip
+        if self._trajectory and len(places) == len(self._linkages):
+            zeros[drive.trajectory_command_topic] = self._trajectory.zero(places)
         for name, message in zeros.items():
             self._publisher_of[name].publish(message)
         if zeros:
@@ -308,58 +391,64 @@ class LinkageNode(ParameterNode):
         self._outputs.log_message(time.time_ns(), topic, message)
 
     def set_live(self, name: str, value: Any) -> None:
-        """Sets rpm, motor.torque or gravity, with effect from the next tick on."""
-        if name == 'gravity':
-            # Compile the program before the tick needs it.
-            last, under = self._coordinates, self._simulator.conditions
-            angle = last.q[0] if last else 0.0
-            under = replace(last.conditions if last else under, gravity=value)
-            with suppress(LinkageError):
-                self._simulator.solver.state(angle, 1.0, 1.0, under=under)
-            self._gravity = value
+        """Sets a parameter of one linkage, or of all that have no value of their own."""
+        first, _, rest = name.partition('.')
+        if first in self._own:
+            self._own[first].add(rest)
+            self._linkages[first].set_live(rest, value)
             return
-        self._drive = build(type(self._drive), {**flatten(self._drive), name: value})
+        for linkage in self._linkages.values():
+            if name in self._own.get(linkage.name, ()):
+                continue
+            linkage.set_live(name, value)
+            if linkage.name:
+                self.show_value(f'{linkage.name}.{name}', value)
 
     def _report(self) -> None:
         """Publishes the diagnostics, and logs new warnings and the ends of warnings."""
-        for topic, _ in self._states:
-            topic.count()
-        is_waiting = isinstance(self._ticker, SimTimeTicker) and not self._state
-        figures, self._lost = self._figures(), self._lost_sources()
-        troubles = ['waiting for /clock'] * is_waiting + self._lost
-        for subscription, source in (*self._inputs, *self._forces):
-            troubles += subscription.mistyped()
+        for state in self._states.values():
+            state.count()
+        figures = dict[str, str]()
+        for linkage in self._linkages.values():
+            figures.update(linkage.figures())
+        for _, source in self._inputs:
             figures.update(source.diagnostics())
-        health = self._outputs.health()
+        health, troubles = self._outputs.health(), self._troubles()
         statuses = self._monitor.report(self._ticker.counts, figures, health, troubles)
         logger = self.get_logger()
-        if self._first:  # shows which assembly it is
-            logger.info(f'first state: {self._simulator.joint_words(self._first)}')
-            self._first = ()
+        for line in self._first_states():
+            logger.info(line)
         for status in self._monitor.changes(statuses):
             if status.level == WARN:
                 logger.warning(status.message)
             else:
                 logger.info(status.message)
-        for line in self._ranges.notes():
-            logger.warning(line)
+        for name, linkage in self._linkages.items():
+            for line in linkage.ranges.notes():
+                logger.warning(f'{prefix_of(name, ": ")}{line}')
         now = self.get_clock().now().nanoseconds  # 0 until the first /clock message
-        hardware = self._simulator.configuration.kind.mechanism
+        kinds = (x.kind.mechanism for x in self._robot.configuration.linkages)
+        hardware = ', '.join(dict.fromkeys(kinds))
         self._publish(DIAGNOSTICS, encode_diagnostics(now, hardware, statuses))
 
-    def _figures(self) -> dict[str, str]:
-        if self._state is None:
-            return {}
-        structure = self._simulator.solver.structure
-        joint, residual = structure.driven_link, structure.loop_residual(self._state)
-        force = 'driving force' if joint.slides else 'driving torque'
-        return {
-            f'{joint.name} speed, {joint.units.velocity}': (
-                f'{self._state.velocity[structure.driven]:.6g}'
-            ),
-            f'{force}, {joint.units.effort}': f'{self._state.torque:.6g}',
-            'loop residual, m': f'{residual:.3g}',
-        }
+    def _troubles(self) -> list[str]:
+        """Returns the current warnings about the motion."""
+        has_states = any(linkage.state for linkage in self._linkages.values())
+        is_waiting = isinstance(self._ticker, SimTimeTicker) and not has_states
+        self._lost = self._lost_sources()
+        troubles = ['waiting for /clock'] * is_waiting + self._lost
+        troubles += [f'{name}: the motion has ended' for name in self._ended if name]
+        for subscription, _ in self._sources():
+            troubles += subscription.mistyped()
+        return troubles
+
+    def _first_states(self) -> Iterator[str]:
+        """Yields the joints of first states, once; they show which assembly it is."""
+        for name, linkage in self._linkages.items():
+            if linkage.first:
+                words = linkage.simulator.joint_words(linkage.first)
+                yield f'{prefix_of(name, ": ")}first state: {words}'
+                linkage.first = ()
 
     def _fail(self, error: BaseException) -> None:
         kind = (
@@ -367,7 +456,8 @@ class LinkageNode(ParameterNode):
             if isinstance(error, LinkageError)
             else f'the motion ends here: {type(error).__name__}: '
         )
-        self.get_logger().fatal(f'{kind}{error}')
+        whose = next((name for name, x in self._ended.items() if x is error), '')
+        self.get_logger().fatal(f'{prefix_of(whose, ": ")}{kind}{error}')
         self._stop.set()
 
 

@@ -10,14 +10,14 @@ from rclpy.node import Node
 
 from linkage_ros import cli
 from linkage_ros.errors import LogError
-from linkage_ros.log.records import TorqueEnd
+from linkage_ros.log.records import LinkageEnd, LoggedSegment, TorqueEnd
 from linkage_ros.log.rows import LoggedState
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.messages.topics import Topic
 from linkage_ros.motion.segments import Segment
 from linkage_ros.node.health import Health
 from linkage_ros.node.workers import Worker, accompany_ticker
-from linkage_ros.run.states import Simulator
+from linkage_ros.run.robot import Robot
 from linkage_ros.settings.parameters import SPAWN, WEB
 
 # Queue lengths: for a stalled disk, half a minute at 1 kHz, within 64 MB; for a slow viewer.
@@ -37,12 +37,12 @@ class Outputs:
     MCAP and Rerun are imported when they are needed, because they are optional.
     """
 
-    def __init__(self, node: Node, simulator: Simulator, others: Iterable[Topic]) -> None:
+    def __init__(self, node: Node, robot: Robot, others: Iterable[Topic]) -> None:
         """Opens log and view.
 
         Args:
             node: Node whose logger reports errors and the view's address.
-            simulator: Simulator that makes the states.
+            robot: The linkages that have the states.
             others: Topics of the log, published or received, other than those of the states.
 
         Raises:
@@ -50,28 +50,28 @@ class Outputs:
             LogError: The log cannot be created.
             ImportError: MCAP or Rerun is not installed.
         """
-        self._node, self._session = node, simulator.configuration.session
+        self._node, self._session = node, robot.configuration.session
         self._workers: dict[str, Worker[Any]] = {}
         self._channels: dict[str, int] = {}
         self._view: Any = None
         if self._session.viewer:
-            self._open_view(simulator)
+            self._open_view(robot)
         if self._session.log:
             try:
-                self._open_log(simulator, others)
+                self._open_log(robot, others)
             except (LogError, ImportError):
                 if self._view:
                     self._workers['viewer'].close(_VIEW_CLOSE_SECONDS)
                     self._view.discard()
                 raise
 
-    def _open_view(self, simulator: Simulator) -> None:
+    def _open_view(self, robot: Robot) -> None:
         from linkage_ros.view.rerun_connection import View
         from linkage_ros.view.viewer_process import open_page
 
         session, logger = self._session, self._node.get_logger()
         self._view = view = View(
-            simulator.configuration,
+            robot.configuration,
             session.viewer,
             session.viewer_bind,
             overwrite=session.log_overwrite,
@@ -88,14 +88,14 @@ class Outputs:
             'viewer', view, _VIEW_CAPACITY, view.period, 'the run continues without a view'
         )
 
-    def _open_log(self, simulator: Simulator, others: Iterable[Topic]) -> None:
+    def _open_log(self, robot: Robot, others: Iterable[Topic]) -> None:
         from linkage_ros.log.disk import DiskSync
         from linkage_ros.log.records import Gap
         from linkage_ros.log.writer import LogWriter
 
         path, resolve = self._session.log, self._node.resolve_topic_name
-        log = LogWriter(path, simulator.configuration, overwrite=self._session.log_overwrite)
-        self._channels = log.add_states(simulator.templates, lambda topic: resolve(topic.name))
+        log = LogWriter(path, robot.configuration, overwrite=self._session.log_overwrite)
+        self._channels = log.add_states(robot.templates, lambda topic: resolve(topic.name))
         self._channels |= {t.name: log.add_topic(t, resolve(t.name)) for t in others}
         ended = 'the run continues without a log'
         self._start('log', log, _LOG_CAPACITY, _LOG_PERIOD, ended, gap=Gap)
@@ -130,10 +130,16 @@ class Outputs:
         if self._session.log:
             self._workers['log'].offer(state, len(state.messages))
 
-    def log_segment(self, segment: Segment) -> None:
-        """Logs a segment of motion, which is not dropped; see `Worker`."""
+    def log_segment(self, segment: Segment, linkage: str) -> None:
+        """Logs a segment of the motion of a linkage, which is not dropped; see `Worker`."""
         if self._session.log:
-            self._workers['log'].offer(segment, segment.size, keep=True)
+            item = LoggedSegment(segment, linkage)
+            self._workers['log'].offer(item, segment.size, keep=True)
+
+    def log_linkage_end(self, end: LinkageEnd) -> None:
+        """Logs the end of the motion of one of several linkages; see `Worker`."""
+        if self._session.log:
+            self._workers['log'].offer(end, keep=True)
 
     def log_torque_end(self, end: TorqueEnd, zeros: Mapping[str, bytes]) -> None:
         """Logs the end of a torque and its zeros, CDR bytes by name of the topic; see `Worker`."""
@@ -156,10 +162,10 @@ class Outputs:
             item = self._channels[topic.name], stamp, message
             self._workers['log'].offer(item, len(message), keep=topic.latched)
 
-    def show(self, stamp: int, state: State) -> None:
-        """Shows the state at a stamp, ns."""
+    def show(self, stamp: int, states: Mapping[str, State]) -> None:
+        """Shows the states of linkages, by name, at a stamp, ns."""
         if self._view:
-            self._workers['viewer'].offer((stamp, state))
+            self._workers['viewer'].offer((stamp, states))
 
     def health(self) -> dict[str, Health]:
         """Returns the health of log and viewer, by name."""

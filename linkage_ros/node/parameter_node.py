@@ -140,6 +140,10 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
     def set_live(self, name: str, value: Any) -> None:
         """Handles a change of a live parameter to a checked value; subclasses override this."""
 
+    def show_value(self, name: str, value: Any) -> None:
+        """Sets a declared parameter to a value that another parameter has set."""
+        super().set_parameters_atomically([Parameter(name, value=value)])
+
     def declare(self, parameters: Iterable[Leaf], values: Mapping[str, object]) -> None:
         """Declares parameters with their current values.
 

@@ -92,7 +92,7 @@ class ControllerNode(ParameterNode):
             if name not in names:
                 raise ConfigurationError(unknown_name(name, _NAME, names, f'{_NAME} --help'))
         settings = build(ControllerSettings, given)
-        plant = load(settings.plant)
+        plant = load(settings.plant).only
         prefix, session = settings.joint_prefix, plant.session
         if prefix is not None:
             session = replace(session, joint_prefix=prefix)

@@ -19,10 +19,10 @@ from linkage_ros.log.recover import Recovered, recover
 from linkage_ros.log.tables import write_csv
 from linkage_ros.log.verify import Verification, verify
 from linkage_ros.mechanism.solver import Solver
+from linkage_ros.messages.topics import prefix_of
 from linkage_ros.motion.segments import Segment
 from linkage_ros.quantities import counted
-from linkage_ros.settings.notes import notes
-from linkage_ros.settings.parameters import parameter_leaves
+from linkage_ros.settings.notes import notes, notes_on
 from linkage_ros.settings.summary import summary
 from linkage_ros.units import NS_PER_S, JointUnits
 
@@ -40,33 +40,37 @@ def info(log: LogReader) -> Iterator[str]:
     Yields:
         Lines of text.
     """
-    solver, seconds = Solver(log.configuration.mechanism), (log.end - log.start) / NS_PER_S
+    seconds = (log.end - log.start) / NS_PER_S
     yield from (
         f'file:       {log.path}, {log.path.stat().st_size / 1e6:.3f} MB',
         f'written by: linkage_ros {log.version}',
         f'start:      {_time(log.start)}',
         f'duration:   {seconds:.6f} s',
-        f'mechanism:  {summary(log.configuration, solver)}',
     )
-    yield from (f'note:       {line}' for line in notes(log.configuration))
-    if solver.mobility:
-        yield from (f'            {words}' for words in solver.mobility.equalities)
+    for linkage in log.configuration.linkages:
+        solver = Solver(linkage.mechanism)
+        yield f'mechanism:  {prefix_of(linkage.name, ": ")}{summary(linkage, solver)}'
+        yield from (
+            f'note:       {prefix_of(linkage.name, ": ")}{line}' for line in notes_on(linkage)
+        )
+        if solver.mobility:
+            yield from (f'            {words}' for words in solver.mobility.equalities)
     yield 'topics:'
     width = min(max((len(topic.name) for topic in log.topics), default=0), _MAX_WIDTH)
     for name, count, kind, role in ((t.name, t.messages, t.type, t.role) for t in log.topics):
         renamed = f', {role}' if role and not name.endswith(f'/{role}') else ''
         yield f'  {name:{width}}  {count:9d}  {kind}{renamed}'
     yield 'motion:'
-    joint = solver.structure.driven_link.units
-    yield from (f'  {_time(segment.stamp)}: {_motion(segment, joint)}' for segment in log.motions)
+    yield from (f'  {_time(stamp)}: {words}' for stamp, words in _motions(log))
     if log.torque_ends:
-        causes = Counter(printable(end.cause) for end in log.torque_ends)
+        causes = Counter(
+            f'{prefix_of(end.linkage, ": ")}{printable(end.cause)}' for end in log.torque_ends
+        )
         counts = ', '.join(f'{cause} ({count} x)' for cause, count in causes.items())
         yield f'torque ended with 0: {counts}'
     yield 'configuration:'
     values = log.configuration.parameters()
-    leaves = parameter_leaves(log.configuration.kind, values)
-    units = {leaf.name: leaf.quantity.unit for leaf in leaves}
+    units = {name: x.quantity.unit for name, x in log.configuration.leaves().items()}
     for name, value in values.items():
         text = str(list(value) if isinstance(value, tuple) else value) or "''"
         yield f'  {name}: {text}' + (f'  # {units[name]}' if units[name] else '')
@@ -74,24 +78,36 @@ def info(log: LogReader) -> Iterator[str]:
 
 def info_as_json(log: LogReader) -> dict[str, Any]:
     """Returns the description of a log as plain values, with times in s."""
-    solver = Solver(log.configuration.mechanism)
-    joint = solver.structure.driven_link.units
+    summaries = (
+        f'{prefix_of(linkage.name, ": ")}{summary(linkage, Solver(linkage.mechanism))}'
+        for linkage in log.configuration.linkages
+    )
     return {
         'file': str(log.path),
         'bytes': log.path.stat().st_size,
         'version': log.version,
         'start': log.start / NS_PER_S,
         'duration': (log.end - log.start) / NS_PER_S,
-        'mechanism': summary(log.configuration, solver),
+        'mechanism': '; '.join(summaries),
         'notes': notes(log.configuration),
         'topics': [
             {'name': x.name, 'type': x.type, 'messages': x.messages, 'role': x.role}
             for x in log.topics
         ],
-        'motion': [{'start': x.stamp / NS_PER_S, 'words': _motion(x, joint)} for x in log.motions],
+        'motion': [{'start': stamp / NS_PER_S, 'words': words} for stamp, words in _motions(log)],
         'torque_ends': Counter(end.cause for end in log.torque_ends),
         'configuration': log.configuration.parameters(),
     }
+
+
+def _motions(log: LogReader) -> Iterator[tuple[int, str]]:
+    """Yields the stamp, ns, and the description of each segment of motion and of early ends."""
+    for linkage in log.configuration.linkages:
+        joint = linkage.mechanism.structure().driven_link.units
+        for segment in log.motions[linkage.name]:
+            yield segment.stamp, f'{prefix_of(linkage.name, ": ")}{_motion(segment, joint)}'
+        if end := log.linkage_ends.get(linkage.name):
+            yield end.stamp, f'{linkage.name} ends: {printable(end.cause)}'
 
 
 def _motion(segment: Segment, units: JointUnits) -> str:

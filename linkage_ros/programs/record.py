@@ -7,12 +7,10 @@ import gc
 import math
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import NamedTuple, cast
-
-import numpy as np
+from typing import NamedTuple
 
 from linkage_ros import cli
 from linkage_ros.errors import (
@@ -21,21 +19,20 @@ from linkage_ros.errors import (
     MotionError,
     UnreachableError,
     in_file,
+    in_linkage,
 )
 from linkage_ros.files import is_same_file
 from linkage_ros.log.bag import Bag, BagMessage, topic_of
 from linkage_ros.log.measured_table import MeasuredTable
+from linkage_ros.log.records import LinkageEnd
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.mechanism.kinematics import State
-from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.messages.topics import MEASURED_JOINT_STATES, ROBOT_DESCRIPTION, qualified
-from linkage_ros.motion.drives.follow import MeasuredCrank
-from linkage_ros.motion.segments import Motion
+from linkage_ros.messages.topics import MEASURED_JOINT_STATES, prefix_of, qualified
 from linkage_ros.motion.steps import record_steps
-from linkage_ros.numeric import Real
 from linkage_ros.quantities import Quantity, counted, leaves
-from linkage_ros.run.states import Simulator
+from linkage_ros.run.batches import Batch, LinkageStates, batches
+from linkage_ros.run.measured import MeasuredStates
+from linkage_ros.run.robot import Robot
 from linkage_ros.settings.configuration import (
     Configuration,
     configure,
@@ -54,8 +51,7 @@ _DEFAULT_DURATION = 10.0  # s
 _LONGEST = 1e9  # s, thirty years, which is within the range of ROS time
 _DURATION = Quantity('number', 'duration', 's', 1e-9, _LONGEST)
 _REVOLUTIONS = Quantity('whole', 'rotation of the crank', 'turns', 1, _LONGEST)
-_LONGEST_WAIT = 3600  # s; a torque-driven crank must make its revolutions within this time
-_BATCH = 2048  # states per batch
+_BATCH = 2048  # measurements per batch
 _RATE = next(leaf.quantity for leaf in leaves(Session) if leaf.name == 'rate_hz')
 
 
@@ -95,58 +91,80 @@ def record(
         UnreachableError: A state is impossible. The log contains the states before it.
         LogError: The file cannot be written.
     """
-    simulator = Simulator(configuration)
-    motion, ranges = simulator.begin(0, record_steps), Ranges(simulator.solver)
-    count, written = count_states(simulator, motion, duration, revolutions), 0
+    robot = Robot(configuration)
+    linkages = [LinkageStates(x, x.begin(0, record_steps)) for x in robot.simulators.values()]
+    count, written = count_states(linkages, duration, revolutions), 0
+    ends = dict[str, MotionError | UnreachableError]()
     with LogWriter(path, configuration, overwrite=overwrite) as log:
-        describe = _add_topics(log, simulator)
-        log.write_motion(segment := motion.segment)
+        describe = _add_topics(log, robot)
+        for linkage in linkages:
+            log.write_motion(linkage.motion.segment, linkage.name)
         describe(0)
         try:
             with cli.progress_bar(
                 total=count, wanted=progress, unit=' states', unit_scale=True
             ) as bar:
-                for stamps, numbers in _states(
-                    simulator, motion, count, revolutions or 0, ranges.see
-                ):
-                    if stopped():
+                for batch in batches(robot, linkages, count, revolutions or 0):
+                    ends |= batch.ends
+                    if stopped() or not batch.stamps:
                         break
-                    if motion.segment is not segment:
-                        log.write_motion(segment := motion.segment)
-                    log.write_states(stamps, stamps, numbers)
-                    written += len(stamps)
-                    bar.update(len(stamps))
-        except MotionError as error:
-            raise MotionError(
-                f'{error}; {path} keeps the {counted(written, "state")} before it',
-                time=error.time, coordinates=error.coordinates,
-            ) from error  # fmt: skip
-        except UnreachableError as error:
-            raise UnreachableError(
-                f'{error}; {path} keeps the {counted(written, "state")} before it',
-                crank_angle=error.crank_angle, arcs=error.arcs,
-            ) from error  # fmt: skip
+                    _write(log, batch)
+                    written += len(batch.stamps)
+                    bar.update(len(batch.stamps))
         finally:
-            for line in ranges.notes():
-                note(line)
+            for linkage in linkages:
+                for line in linkage.ranges.notes():
+                    note(f'{prefix_of(linkage.name, ": ")}{line}')
+    if ends:
+        which = 'before it' if len(ends) == len(linkages) else 'of the others'
+        error = _end_of_run(ends, f'{path} keeps the {counted(written, "state")} {which}')
+        raise error
     return written
 
 
-def _add_topics(log: LogWriter, simulator: Simulator) -> Callable[[int], object]:
-    """Adds the topics of the states and, if it is published, that of the robot's description.
+def _write(log: LogWriter, batch: Batch) -> None:
+    for name, error in batch.ends.items():
+        log.write_linkage_end(LinkageEnd(batch.stamps[0], str(error), name))
+    for name, segment in batch.segments.items():
+        log.write_motion(segment, name)
+    log.write_states(batch.stamps, batch.stamps, batch.numbers, batch.linkages)
+
+
+def _end_of_run(
+    ends: Mapping[str, MotionError | UnreachableError], kept: str
+) -> MotionError | UnreachableError:
+    """Returns the error of a run whose motions, or some of them, ended early.
+
+    Args:
+        ends: Error of each motion that ended, by linkage.
+        kept: What the log keeps, in words.
+    """
+    words = '; '.join(f'{prefix_of(name, ": ")}{error}' for name, error in ends.items())
+    first = next(iter(ends.values()))
+    if isinstance(first, MotionError):
+        return MotionError(f'{words}; {kept}', time=first.time, coordinates=first.coordinates)
+    return UnreachableError(f'{words}; {kept}', crank_angle=first.crank_angle, arcs=first.arcs)
+
+
+def _add_topics(log: LogWriter, robot: Robot) -> Callable[[int], object]:
+    """Adds the topics of the states and, if they are published, those of the descriptions.
 
     Returns:
-        A function that writes the description at a log time, ns.
+        A function that writes the descriptions at a log time, ns.
     """
-    log.add_states(simulator.templates, qualified)
-    description = simulator.description
-    if description is None:
-        return lambda _: None
-    number = log.add_topic(ROBOT_DESCRIPTION, qualified(ROBOT_DESCRIPTION))
-    return lambda time: log.write(number, time, description)
+    log.add_states(robot.templates, qualified)
+    descriptions = [
+        (log.add_topic(topic, qualified(topic)), message)
+        for topic, message in robot.descriptions().items()
+    ]
+
+    def describe(time: int) -> None:
+        log.write_messages((number, time, message) for number, message in descriptions)
+
+    return describe
 
 
-class Answers(NamedTuple):
+class Answered(NamedTuple):
     """The outcome of `record_measured`.
 
     Attributes:
@@ -168,7 +186,7 @@ def record_measured(
     overwrite: bool = False,
     progress: bool = False,
     stopped: Callable[[], bool] = lambda: False,
-) -> Answers:
+) -> Answered:
     """Writes the states that a live run would publish for measurements of a bag or a CSV file.
 
     The log also holds the measurements. Their log times are those of the bag, as are the times of
@@ -194,40 +212,37 @@ def record_measured(
             or incomplete, or the log cannot be written. The log contains the states before the
             damage.
     """
-    if not configuration.drive.is_measured:
+    if not configuration.drive_kind.is_measured:
         raise ConfigurationError('--measured needs drive: follow: the bag has the crank angles')
-    simulator = Simulator(configuration)
-    source, name = _source(simulator, bag, topic, column)
+    robot = Robot(configuration)
+    source, name = _source(robot, bag, topic, column)
     if any(is_same_file(str(path), str(file)) for file in source.files):
         raise LogError(f'{path} is the bag itself: choose another name')
-    crank = cast('MeasuredCrank', simulator.inputs()[MEASURED_JOINT_STATES])
-    states = 0
+    states, written = MeasuredStates(robot, robot.inputs()[MEASURED_JOINT_STATES]), 0
     with (
         LogWriter(path, configuration, overwrite=overwrite) as log,
         cli.progress_bar(total=source.size, wanted=progress, unit='B', unit_scale=True) as bar,
     ):
-        describe = _add_topics(log, simulator)
+        describe = _add_topics(log, robot)
         number = log.add_topic(MEASURED_JOINT_STATES, qualified(MEASURED_JOINT_STATES))
         try:
             for batch in _batches(source, name, bar.update):
                 if not log.mcap.statistics.message_count:
                     describe(batch[0][1])
                 log.write_messages((number, time, data) for _, time, data in batch)
-                messages = [(time, data) for _, time, data in batch]
-                times, stamps, numbers = crank.answers(messages, simulator.numbers)
-                if stamps:
-                    log.write_states(times, stamps, numbers)
-                states += len(stamps)
+                for found in states.answers((time, data) for _, time, data in batch):
+                    log.write_states(found.times, found.stamps, found.numbers, found.linkages)
+                    written += len(found.stamps)
                 if stopped():
                     break
         except LogError as error:
-            kept = f'{path} keeps the {counted(states, "state")} before it'
+            kept = f'{path} keeps the {counted(written, "state")} before it'
             raise LogError(f'{error}; {kept}') from error
-    return Answers(states, crank.rejected)
+    return Answered(written, states.rejected())
 
 
 def _source(
-    simulator: Simulator, path: Path | str, topic: str, column: str
+    robot: Robot, path: Path | str, topic: str, column: str
 ) -> tuple[Bag | MeasuredTable, str]:
     """Opens the measurements; returns them and the name of their topic.
 
@@ -235,15 +250,18 @@ def _source(
         ConfigurationError: An option does not apply to the kind of file.
         LogError: The file cannot be read, or lacks the measurements.
     """
-    configuration = simulator.configuration
+    simulators = [*robot.simulators.values()]
     if Path(path).suffix != '.csv':
         if column:
             raise ConfigurationError('--column names a column of a CSV file: give --measured CSV')
         bag = Bag(path)
-        return bag, topic_of(bag, simulator.crank_joint, topic)
+        return bag, topic_of(bag, [simulator.crank_joint for simulator in simulators], topic)
     if topic:
         raise ConfigurationError('--topic names a topic of a bag; of a CSV file, give --column')
-    if configuration.drive.frame_joint_name:
+    if len(simulators) > 1:
+        raise ConfigurationError(f'{path} has one crank alone: give a bag with all of them')
+    (simulator,) = simulators
+    if simulator.linkage.drive.frame_joint_name:
         raise ConfigurationError(
             f'{path} has the crank alone, but frame_joint is measured, too: give a bag with both'
         )
@@ -276,102 +294,59 @@ def _batches(
         yield batch
 
 
-def _states(
-    simulator: Simulator,
-    motion: Motion,
-    count: int | None,
-    turns: int,
-    see: Callable[[State], object],
-) -> Iterator[tuple[list[int], Sequence[Real]]]:
-    """Yields the states of a motion in batches.
-
-    Args:
-        simulator: Simulator of the configuration.
-        motion: The motion from t = 0.
-        count: Number of states; None to continue until the turns are complete.
-        turns: Number of crank turns in either direction, used if `count` is None.
-        see: Called with the states of each batch.
-
-    Yields:
-        The stamps of the states of a batch, ns, and the numbers in their messages.
-
-    Raises:
-        ConfigurationError: The crank does not complete its turns within an hour.
-        MotionError: The motion cannot continue.
-        UnreachableError: A state is impossible; the states before it have been yielded.
-    """
-    start, tick, batch = simulator.configuration.drive.crank_angle, 0, _BATCH
-    while tick != count:
-        # If turns are counted, compute at most one second beyond the last turn.
-        most = simulator.ticks.tick_at(NS_PER_S) + 1 if count is None else count - tick
-        stamps = [simulator.ticks.elapsed(tick + i) for i in range(min(batch, most))]
-        found = motion.at_all(stamps)
-        ahead = simulator.ahead(motion, stamps[: len(found.unwrapped)])
-        if ahead is not None and len(ahead.unwrapped) < len(found.unwrapped):
-            found = motion.at_all(stamps[: len(ahead.unwrapped)])  # the motion ends
-        stamps = stamps[: len(found.unwrapped)]
-        try:
-            numbers = simulator.numbers(found, ahead, see)
-        except UnreachableError:
-            if len(stamps) == 1:
-                raise
-            batch = len(stamps) // 2  # all states before an impossible one are recorded
-            continue
-        if count is None:
-            turned = np.abs(found.unwrapped - start) / (2 * math.pi)
-            after = int((turned < turns).argmin())
-            if turned[after] >= turns:
-                yield stamps[:after], [np.asarray(x)[:after] for x in numbers]
-                return
-            if stamps[-1] > _LONGEST_WAIT * NS_PER_S:
-                raise ConfigurationError(
-                    f'the crank has made only {turned[-1]:.3g} of {turns} revolutions within '
-                    f'{_LONGEST_WAIT} s: give a --duration'
-                )
-        yield stamps, numbers
-        tick += len(stamps)
-
-
 def count_states(
-    simulator: Simulator, motion: Motion, duration: float | None, revolutions: int | None
+    linkages: Sequence[LinkageStates], duration: float | None, revolutions: int | None
 ) -> int | None:
     """Computes the number of states in a record.
 
     Args:
-        simulator: Simulator of the configuration.
-        motion: The motion from t = 0.
+        linkages: The linkages of the run.
         duration: Duration of the record, s; None for 10 s.
-        revolutions: Number of crank turns in either direction, instead of a duration.
+        revolutions: Number of turns of each crank in either direction, instead of a duration.
 
     Returns:
         The number of states; None for revolutions of a crank under a torque or along a law, whose
         duration is not known in advance.
 
     Raises:
-        ConfigurationError: A value is out of range, or the crank does not complete the
-            revolutions.
+        ConfigurationError: A value is out of range, or a crank does not complete the revolutions.
     """
+    ticks = linkages[0].simulator.ticks
     if revolutions is None:
         duration = _DEFAULT_DURATION if duration is None else duration
         _DURATION.clean('duration', duration)
         # Use the decimal value, because 0.535 * 10^9 in binary is slightly more than 535000000.
         end = math.ceil(Fraction(repr(float(duration))) * NS_PER_S)
-    else:
-        _REVOLUTIONS.clean('revolutions', revolutions)
-        driven = simulator.solver.structure.driven_link
-        if driven.slides:
-            raise ConfigurationError(
-                f'a driven {driven.driven_word} makes no revolutions: give a --duration'
-            )
-        if (turned := motion.time_to_turn(revolutions)) is None:
+        return ticks.tick_at(end - 1) + 1
+    _REVOLUTIONS.clean('revolutions', revolutions)
+    ends = list[int]()
+    for linkage in linkages:
+        with in_linkage(linkage.name):
+            turned = _end_of_turns(linkage, revolutions)
+        if turned is None:
             return None
-        end = turned
-        if end > _LONGEST * NS_PER_S:
-            raise ConfigurationError(
-                f'the crank does not make {revolutions} revolutions within {_LONGEST:g} s: '
-                'give a --duration, fewer revolutions, or a higher rpm'
-            )
-    return simulator.ticks.tick_at(end - 1) + 1
+        ends.append(turned)
+    return ticks.tick_at(max(ends) - 1) + 1
+
+
+def _end_of_turns(linkage: LinkageStates, revolutions: int) -> int | None:
+    """Returns the time after some turns of a crank, ns; None if it is not known in advance.
+
+    Raises:
+        ConfigurationError: The crank does not complete the revolutions.
+    """
+    driven = linkage.simulator.solver.structure.driven_link
+    if driven.slides:
+        raise ConfigurationError(
+            f'a driven {driven.driven_word} makes no revolutions: give a --duration'
+        )
+    turned = linkage.motion.time_to_turn(revolutions)
+    if turned is not None and turned > _LONGEST * NS_PER_S:
+        raise ConfigurationError(
+            f'the crank does not make {revolutions} revolutions within {_LONGEST:g} s: '
+            'give a --duration, fewer revolutions, or a higher rpm'
+        )
+    return turned
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -433,7 +408,7 @@ def _record(options: argparse.Namespace) -> int:
         note=lambda line: cli.print_notes([line]),
     )
     if prefix := preset_note(values):
-        print(prefix + summary(configuration, Solver(configuration.mechanism)))
+        print(prefix + summary(configuration.only, Solver(configuration.mechanism)))
     if stop.is_set():
         print(f'{options.out}: stopped; {counted(count, "state")} kept')
         return cli.STOPPED_BY_USER

@@ -4,6 +4,7 @@
 
 import argparse
 import functools
+import itertools
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -17,9 +18,11 @@ import numpy as np
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError, ViewerError
 from linkage_ros.log.reader import LogReader
+from linkage_ros.messages.cdr import decode_joint_state
 from linkage_ros.messages.joints import link_rows
 from linkage_ros.messages.topics import JOINT_STATES
 from linkage_ros.node.workers import Worker, freeze_heap, wake_on_time
+from linkage_ros.numeric import Array
 from linkage_ros.programs.keyboard import Keyboard
 from linkage_ros.programs.player import (
     KEYS,
@@ -35,6 +38,7 @@ from linkage_ros.programs.player import (
     play,
 )
 from linkage_ros.quantities import Quantity, counted
+from linkage_ros.run.robot import Robot
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.parameters import VIEWERS, WEB
 from linkage_ros.units import NS_PER_S
@@ -142,18 +146,49 @@ def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
     return arguments[1:start] + arguments[end + 1 :], [arguments[0], *arguments[start:end]]
 
 
-def motion_in(simulator: Simulator, samples: Sequence[tuple[int, bytes]]) -> 'LinkMotion':
-    """Reads the motion of the links from messages on joint_states, for a `View`.
+def motions_in(robot: Robot, samples: Sequence[tuple[int, bytes]]) -> 'dict[str, LinkMotion]':
+    """Reads the motion of each linkage from messages on joint_states, for a `View`.
 
     Args:
-        simulator: Simulator of the log's configuration.
+        robot: The linkages of the log's configuration.
         samples: Shift of each stamp, ns, and CDR bytes of each message.
+    """
+    found: dict[str, list[LinkMotion]] = {}
+    for names, group in itertools.groupby(samples, lambda sample: _linkages_in(robot, sample[1])):
+        shifts, messages = zip(*group, strict=True)
+        stamps, numbers = robot.templates.of(names).joint_states.read(b''.join(messages))
+        joints = [robot.simulators[name].joints for name in names]
+        table = np.reshape(numbers.T, (3, sum(map(len, joints)), -1))
+        parts = np.split(table, np.cumsum([*map(len, joints)])[:-1], axis=1)
+        for name, part in zip(names, parts, strict=True):
+            motion = stamps + np.array(shifts), *_motion_in(robot.simulators[name], part)
+            found.setdefault(name, []).append(motion)
+    return {
+        name: (
+            np.concatenate([x[0] for x in motions]), np.concatenate([x[1] for x in motions]),
+            np.concatenate([x[2] for x in motions]), np.concatenate([x[3] for x in motions]),
+        )
+        for name, motions in found.items()
+    }  # fmt: skip
+
+
+def _linkages_in(robot: Robot, message: bytes) -> tuple[str, ...]:
+    """Returns the linkages whose joints a message on joint_states holds."""
+    if len(robot.names) == 1:
+        return robot.names
+    joints = {*decode_joint_state(message).names}
+    return tuple(x.name for x in robot.simulators.values() if {*x.joints} <= joints)
+
+
+def _motion_in(simulator: Simulator, table: Array) -> tuple[Array, Array, Array]:
+    """Returns positions, rates and torques of a linkage; see `LinkMotion`.
+
+    Args:
+        simulator: Simulator of the linkage.
+        table: Positions, rates and efforts of its joints, shape (3, joints, n).
     """
     joints, driven = simulator.robot_joints, simulator.driven
     joint, place = joints[driven], simulator.joints.index(joints[driven].name)
-    shifts, messages = zip(*samples, strict=True)
-    stamps, numbers = simulator.templates.joint_states.read(b''.join(messages))
-    table = np.reshape(numbers.T, (3, len(simulator.joints), -1))
     positions, rates, efforts = table
     if len(simulator.joints) < len(joints):  # the others follow from the driven joint
         angle, rate = joint.own(positions[place]), rates[place] / joint.ratio
@@ -162,7 +197,7 @@ def motion_in(simulator: Simulator, samples: Sequence[tuple[int, bytes]]) -> 'Li
     else:
         positions, rates = link_rows(joints, table[:2])
     torque = efforts[place, :, np.newaxis] * joint.ratio
-    return stamps + np.array(shifts), positions.T, rates.T, torque
+    return positions.T, rates.T, torque
 
 
 @contextmanager
@@ -205,7 +240,7 @@ def showing(
             worker.offer((item.time - item.message.time, item.message.data))
 
     states = log.channel(JOINT_STATES)
-    read = functools.partial(motion_in, Simulator(log.configuration))
+    read = functools.partial(motions_in, Robot(log.configuration))
     view = View(log.configuration, target, overwrite=overwrite, read=read)
     if view.trouble:
         raise ViewerError(f'no viewer answers at {target}: start one there first with `rerun`')

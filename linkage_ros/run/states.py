@@ -1,14 +1,17 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""States of a configured mechanism.
+"""States of a configured linkage.
 
 The node, the recorder and the verification share this code, so equal configurations and elapsed
 times give bit-identical states.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
@@ -16,7 +19,7 @@ from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.loads.force import Force
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.cdr import encode_string
-from linkage_ros.messages.templates import StateTemplates
+from linkage_ros.messages.templates import LinkageNumbers
 from linkage_ros.messages.topics import Topic
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.drives.base import Machine
@@ -24,24 +27,42 @@ from linkage_ros.motion.inputs import Input
 from linkage_ros.motion.live_force import LiveForce
 from linkage_ros.motion.segments import Coordinates, Motion
 from linkage_ros.motion.steps import Integrate, live_steps
-from linkage_ros.numeric import Real
 from linkage_ros.quantities import shown
 from linkage_ros.run.ticks import TickRate
-from linkage_ros.settings.configuration import Configuration
+from linkage_ros.settings.configuration import Linkage
 from linkage_ros.units import NS_PER_S
 
 
-class Simulator:
-    """Computes the states of a configuration.
+class RowPart(NamedTuple):
+    """The numbers of one linkage in the messages of a state, or of many as arrays.
 
     Attributes:
-        configuration: Configuration of the run.
+        numbers: Its own numbers; see `LinkageNumbers`.
+        effort: Effort of its driven joint for a controller; None without feed-forward.
+    """
+
+    numbers: Sequence[Any]
+    effort: Any = None
+
+    def at(self, rows: Any) -> 'RowPart':
+        """Returns one of many states, given its index, or some, given a slice."""
+        numbers = [column[rows] if np.ndim(column) else column for column in self.numbers]
+        effort = self.effort[rows] if np.ndim(self.effort) else self.effort
+        return RowPart(numbers, effort)
+
+
+class Simulator:
+    """Computes the states of a linkage.
+
+    Attributes:
+        linkage: Configuration of the linkage.
+        name: Its name; empty for the only one.
         solver: Solver of the mechanism.
         robot_joints: The joint of each link in messages.
         joints: Names of the published joints, in the order of the messages.
         driven: Index of the driven link.
         crank_joint: Name of the driven joint in measurements, commands and trajectories.
-        templates: Templates of the messages of a state.
+        numbers: Converts a state to the numbers in its messages.
         ticks: Times of the ticks.
         conditions: Conditions before the first message: they hold the force of each load whose
             force is set by messages.
@@ -51,30 +72,35 @@ class Simulator:
         description: CDR bytes of the robot_description message; None if it is not published.
     """
 
-    def __init__(self, configuration: Configuration) -> None:
-        self.configuration = configuration
-        mechanism, session = configuration.mechanism, configuration.session
-        drive = configuration.drive
-        effort_topic = drive.effort_command_topic
+    def __init__(self, linkage: Linkage, others: Collection[str] = ()) -> None:
+        """Prepares the computation.
+
+        Args:
+            linkage: Configuration of the linkage.
+            others: Names of the driven joints of the other linkages of the run.
+        """
+        self.linkage, self.name = linkage, linkage.name
+        mechanism, session, drive = linkage.mechanism, linkage.session, linkage.drive
         self.solver = Solver(mechanism, by_math=True, pivot=drive.pivot)
         prefix, frame_id = session.joint_prefix, session.frame_id
-        self.robot_joints = joints = configuration.robot_joints
+        self.robot_joints = joints = linkage.robot_joints
         self.joints = tuple(joint.name for joint in joints if joint.name)
         self.driven = driven = self.solver.structure.driven
         self.crank_joint = session.crank_joint or joints[driven].name
         self.description: bytes | None = None
         if session.publish_description or (
-            session.publish_description is None and not configuration.joints
+            session.publish_description is None and not linkage.joints
         ):
             self.description = encode_string(make_urdf(mechanism, prefix, frame_id))
-        self.lead = round(drive.lead_time * NS_PER_S) if effort_topic else None
-        self.templates = StateTemplates(self.solver.structure, joints, frame_id, effort_topic)
+        has_efforts = bool(drive.effort_command_topic)
+        self.lead = round(drive.lead_time * NS_PER_S) if has_efforts else None
+        self.numbers = LinkageNumbers(self.solver.structure, joints, frame_id, self.name)
         self.ticks = TickRate(session.rate_hz)
         forces = {force.name: force.held.value for force in self.live_forces().values()}
         self.conditions = Conditions(forces=forces) if forces else OWN_CONDITIONS
         self.machine = Machine(
             self.solver, self.ticks.elapsed(1), self.crank_joint, joints[driven], self.lead,
-            conditions=self.conditions,
+            conditions=self.conditions, others=frozenset(others),
         )  # fmt: skip
 
     def begin(self, stamp: int, integrate: Integrate = live_steps) -> Motion:
@@ -90,12 +116,12 @@ class Simulator:
         Raises:
             ConfigurationError: The crank is measured, not simulated.
         """
-        drive, machine = self.configuration.drive, replace(self.machine, integrate=integrate)
+        drive, machine = self.linkage.drive, replace(self.machine, integrate=integrate)
         return drive.begin(stamp, machine).under(stamp, self.conditions, drive)
 
     def inputs(self) -> dict[Topic, Input]:
         """Returns the topics that a run receives, with new readers of their messages."""
-        return self.configuration.drive.inputs(self.machine)
+        return self.linkage.drive.inputs(self.machine)
 
     def live_forces(self) -> dict[Topic, LiveForce]:
         """Returns the topics of live loads, with new readers of their messages.
@@ -103,9 +129,9 @@ class Simulator:
         Raises:
             ConfigurationError: Two loads have the same topic.
         """
-        session, loads = self.configuration.session, self.configuration.mechanism.loads
+        session, loads = self.linkage.session, self.linkage.mechanism.loads
         found = [
-            LiveForce(load, session.joint_prefix, session.frame_id)
+            LiveForce(load, session.joint_prefix, session.frame_id, self.name)
             for load in loads
             if isinstance(load, Force) and load.wrench_topic
         ]
@@ -122,9 +148,9 @@ class Simulator:
         Raises:
             ConfigurationError: A live run cannot follow the motion.
         """
-        for found in self.configuration.drive.rehearse(self.machine):
+        for found in self.linkage.drive.rehearse(self.machine):
             with suppress(LinkageError):  # the run will report this error
-                self.templates.numbers(self.state(found), found.unwrapped)
+                self.numbers.of(self.state(found), found.unwrapped)
 
     def state(self, coordinates: Coordinates) -> State:
         """Computes the state at given coordinates.
@@ -144,12 +170,12 @@ class Simulator:
             return self.solver.state(*row, under=conditions)
         return state
 
-    def numbers(
+    def part(
         self,
         coordinates: Coordinates,
         ahead: Coordinates | None = None,
         see: Callable[[State], object] = lambda _: None,
-    ) -> tuple[Real, ...]:
+    ) -> RowPart:
         """Computes the numbers in the messages of many states.
 
         Args:
@@ -165,8 +191,8 @@ class Simulator:
         """
         state = self.state(coordinates)
         see(state)
-        later = None if ahead is None else self.state(ahead)
-        return self.templates.numbers(state, coordinates.unwrapped, later, stacked=True)
+        later = None if ahead is None else self.numbers.effort(self.state(ahead))
+        return RowPart(self.numbers.of(state, coordinates.unwrapped, stacked=True), later)
 
     def ahead(self, motion: Motion, stamps: Sequence[int]) -> Coordinates | None:
         """Returns the coordinates `lead` after the stamps; None without feed-forward."""

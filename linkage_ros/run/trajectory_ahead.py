@@ -1,8 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Trajectories of the crank with its torque, ahead of time, for a controller."""
+"""Trajectories of the cranks with their torques, ahead of time, for a controller."""
 
 from collections import deque
+from collections.abc import Mapping
 from contextlib import suppress
 
 from linkage_ros.errors import MotionError
@@ -10,6 +11,7 @@ from linkage_ros.mechanism.conditions import OWN_CONDITIONS
 from linkage_ros.messages.templates import crank_trajectory, holding_trajectory
 from linkage_ros.messages.topics import TRAJECTORY_COMMANDS
 from linkage_ros.motion.segments import Motion, Segment
+from linkage_ros.run.robot import Robot
 from linkage_ros.run.states import Simulator
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
@@ -22,68 +24,117 @@ class TrajectoryAhead:
 
     A trajectory starts at or just before its stamp, so that a controller can follow it as soon as
     it arrives. Each tick computes only the new points within the horizon. The first tick, and the
-    first one after a change of the motion, compute all points; so does the first trajectory due
+    first one after a change of a motion, compute all points; so does the first trajectory due
     after a change of the forces, which may come at any rate.
+
+    Each trajectory names the cranks of all linkages, because controllers refuse others. A crank
+    whose motion has ended stays at its last place with an effort of 0.
 
     Attributes:
         topic: Topic of the trajectories.
     """
 
-    def __init__(self, simulator: Simulator) -> None:
+    def __init__(self, robot: Robot) -> None:
         """Prepares the trajectories.
 
         Args:
-            simulator: Simulator of the run, whose drive gives the topic and the duration.
+            robot: The linkages of the run, whose drive gives the topic and the duration.
         """
-        drive = simulator.configuration.drive
+        drive = robot.drive
         self.topic = TRAJECTORY_COMMANDS._replace(name=drive.trajectory_command_topic)
-        self._names = simulator.crank_joint, simulator.configuration.session.frame_id
-        self._joint = simulator.machine.joint
-        self._solver = simulator.solver
+        self._frame_id = robot.configuration.session.frame_id
+        self._cranks = {name: _Crank(x) for name, x in robot.simulators.items()}
         self._horizon = round(drive.trajectory_horizon * NS_PER_S)
-        self._segment: Segment | None = None
-        self._under = OWN_CONDITIONS  # those of the points
-        self._points: deque[tuple[int, tuple[float, ...]]] = deque()
+        self._points: deque[tuple[int, list[tuple[float, ...]]]] = deque()
         self._next = self._due = 0
 
-    def message_at(self, motion: Motion, stamp: int) -> bytes | None:
+    def message_at(self, motions: Mapping[str, Motion], stamp: int) -> bytes | None:
         """Returns the trajectory to send at a stamp, if one is due.
 
         Args:
-            motion: Motion in the segment that contains the stamp. If it is another segment than in
-                the last call, the previous trajectory is invalid, and a new one is due. Each
-                trajectory holds the conditions at its stamp.
+            motions: Motion of each linkage in the segment that contains the stamp; without those
+                that have ended. If a segment is another one than in the last call, the previous
+                trajectory is invalid, and a new one is due. Each trajectory holds the conditions
+                at its stamp.
             stamp: Stamp of the current tick, ns.
 
         Returns:
             The CDR bytes of the message; None if no message is due.
         """
-        is_new = motion.segment is not self._segment
-        has_others = stamp >= self._due and motion.conditions != self._under
-        if is_new or has_others or stamp >= self._next:
+        cranks = self._cranks.items()
+        is_new = [crank.differs(motions.get(name)) for name, crank in cranks]
+        has_others = stamp >= self._due and any(
+            crank.is_under_others(motions.get(name)) for name, crank in cranks
+        )
+        if any(is_new) or has_others or stamp >= self._next:
             self._points.clear()
-            self._segment, self._under = motion.segment, motion.conditions
+            for name, crank in cranks:
+                crank.take(motions.get(name))
             self._next = self._due = stamp
         with suppress(MotionError):  # a law may end within the horizon
             while self._next < stamp + self._horizon + _STEP:
-                (q,), (u,), (a,), unwrapped, *_ = motion.at(self._next)
-                torque = float(self._solver.state(q, u, a, under=self._under).torque)
-                joint = self._joint
-                position, effort = joint.value(unwrapped), torque / joint.ratio
-                values = position, joint.ratio * u, joint.ratio * a, effort
-                self._points.append((self._next, values))
+                values = [crank.values(motions.get(name), self._next) for name, crank in cranks]
+                self._points.append((self._next, [*zip(*values, strict=True)]))
                 self._next += _STEP
         while len(self._points) > 1 and self._points[1][0] <= stamp:
             self._points.popleft()
         if stamp < self._due:
             return None
         self._due = stamp + self._horizon // 2
-        return crank_trajectory(*self._names, self._points)
+        names = [crank.name for crank in self._cranks.values()]
+        return crank_trajectory(names, self._frame_id, self._points)
 
-    def zero(self, unwrapped: float) -> bytes:
-        """Returns a trajectory that ends the torque: it holds a place with an effort of 0.
+    def zero(self, places: Mapping[str, float]) -> bytes:
+        """Returns a trajectory that ends the torques: it holds places with efforts of 0.
 
         Args:
-            unwrapped: The place: crank angle including all turns, rad, or position of a slide, m.
+            places: The place of each linkage: crank angle including all turns, rad, or position of
+                a slide, m.
         """
-        return holding_trajectory(*self._names, self._joint.value(unwrapped))
+        held = {
+            crank.name: crank.joint.value(places[name]) for name, crank in self._cranks.items()
+        }
+        return holding_trajectory(held, self._frame_id)
+
+
+class _Crank:
+    """The driven joint of a linkage in trajectories.
+
+    Attributes:
+        name: Name of the joint.
+        joint: The joint.
+    """
+
+    def __init__(self, simulator: Simulator) -> None:
+        self.name, self.joint = simulator.crank_joint, simulator.machine.joint
+        self._solver = simulator.solver
+        self._segment: Segment | None = None
+        self._under = OWN_CONDITIONS  # those of the points
+        self._place = 0.0  # the last one in a point
+
+    def differs(self, motion: Motion | None) -> bool:
+        """Returns whether the points belong to another segment."""
+        return self._segment is not (motion.segment if motion else None)
+
+    def is_under_others(self, motion: Motion | None) -> bool:
+        """Returns whether the points were computed under other conditions."""
+        return motion is not None and motion.conditions != self._under
+
+    def take(self, motion: Motion | None) -> None:
+        """Takes the segment and the conditions of further points."""
+        self._segment = motion.segment if motion else None
+        self._under = motion.conditions if motion else OWN_CONDITIONS
+
+    def values(self, motion: Motion | None, stamp: int) -> tuple[float, float, float, float]:
+        """Returns position, velocity, acceleration and effort at a stamp, ns.
+
+        Raises:
+            MotionError: The motion ends before the stamp.
+        """
+        if motion is None:
+            return self._place, 0.0, 0.0, 0.0
+        (q,), (u,), (a,), unwrapped, *_ = motion.at(stamp)
+        torque = float(self._solver.state(q, u, a, under=self._under).torque)
+        joint = self.joint
+        self._place = joint.value(unwrapped)
+        return self._place, joint.ratio * u, joint.ratio * a, torque / joint.ratio

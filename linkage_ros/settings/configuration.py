@@ -8,17 +8,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from linkage_ros.errors import ConfigurationError, Mistakes, in_file
+from linkage_ros.errors import ConfigurationError, Mistakes, in_file, in_linkage
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.drawing import Drawing, DrawnMechanism
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.joints import RobotJoint
+from linkage_ros.messages.topics import prefix_of
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.motion.drives.base import Drive
 from linkage_ros.motion.drives.follow import FollowDrive
 from linkage_ros.motion.drives.speed import SpeedDrive
 from linkage_ros.motion.drives.torque import TorqueDrive
 from linkage_ros.quantities import (
+    Leaf,
     build,
     flatten,
     leaves,
@@ -31,9 +33,15 @@ from linkage_ros.settings.joints import (
     joint_values,
     robot_joints,
 )
+from linkage_ros.settings.linkages import LINKAGES, linkage_names, shared_by_all, split
 from linkage_ros.settings.old_names import refuse_old_names, with_new_names
 from linkage_ros.settings.package_names import read_own_parameters
-from linkage_ros.settings.parameters import MechanismAndDrive, Session, parameter_leaves
+from linkage_ros.settings.parameters import (
+    OF_THE_RUN,
+    MechanismAndDrive,
+    Session,
+    parameter_leaves,
+)
 from linkage_ros.settings.presets import DEFAULT_PRESET, find_file, preset_path
 from linkage_ros.settings.yaml_file import read_parameter_file
 
@@ -44,8 +52,8 @@ _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 
 
 @dataclass(frozen=True, repr=False)
-class Configuration:
-    """The complete configuration of a run.
+class Linkage:
+    """The configuration of one linkage.
 
     Attributes:
         kind: The kinds of mechanism and drive.
@@ -54,6 +62,7 @@ class Configuration:
         session: Settings for publishing, logging and viewing.
         joints: The robot's joints that are given, by link.
         drawn_mechanism: The mechanism as the parameters draw it; None if they give lengths.
+        name: Name of the linkage; empty for the only one, which needs no name.
     """
 
     kind: MechanismAndDrive
@@ -62,10 +71,11 @@ class Configuration:
     session: Session
     joints: Mapping[str, JointSettings] = field(default_factory=dict)
     drawn_mechanism: Any = None
+    name: str = ''
 
     def __repr__(self) -> str:
         driven = self.mechanism.structure().driven_link
-        return f'Configuration({self.mechanism!r}, {self.drive.words(driven)})'
+        return f'Linkage({self.mechanism!r}, {self.drive.words(driven)})'
 
     @property
     def mechanism_words(self) -> str:
@@ -91,13 +101,108 @@ class Configuration:
             is_measured=self.drive.is_measured,
         )  # fmt: skip
 
+    @property
+    def crank_joint(self) -> str:
+        """Name of the driven joint in measurements, commands and trajectories."""
+        driven = self.mechanism.structure().driven
+        return self.session.crank_joint or self.robot_joints[driven].name
+
     def parameters(self) -> dict[str, object]:
-        """Returns the values of all parameters by name, including defaults."""
+        """Returns the values of its parameters, without its name, including defaults."""
         parts = (self.kind, self.drawn_mechanism or self.mechanism, self.drive, self.session)
         flat = {name: value for part in parts for name, value in flatten(part).items()}
         known = {leaf.name for leaf in parameter_leaves(self.kind, flat)}
         own = {name: value for name, value in flat.items() if name in known}
         return {**own, **joint_values(self.joints)}
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """The complete configuration of a run.
+
+    Attributes:
+        linkages: The linkages, in the order of their joints in messages. All have one kind of
+            drive.
+        shared: Values at the top of the parameters, by name; empty for one linkage without a name.
+        own: Names of the parameters below the name of each linkage, by that name.
+    """
+
+    linkages: tuple[Linkage, ...]
+    shared: Mapping[str, object] = field(default_factory=dict)
+    own: Mapping[str, frozenset[str]] = field(default_factory=dict)
+
+    @property
+    def session(self) -> Session:
+        """Settings of the run, which all linkages have."""
+        return self.linkages[0].session
+
+    @property
+    def drive_kind(self) -> type[Drive]:
+        """The class of the drives."""
+        return type(self.linkages[0].drive)
+
+    @property
+    def only(self) -> Linkage:
+        """The only linkage.
+
+        Raises:
+            ConfigurationError: There are several.
+        """
+        return self.linkage('')
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism of the only linkage."""
+        return self.only.mechanism
+
+    @property
+    def drive(self) -> Drive:
+        """The drive of the only linkage."""
+        return self.only.drive
+
+    def linkage(self, name: str) -> Linkage:
+        """Returns a linkage.
+
+        Args:
+            name: Its name; empty for the only one.
+
+        Raises:
+            ConfigurationError: There is no such linkage, or a name is needed.
+        """
+        if not name and len(self.linkages) == 1:
+            return self.linkages[0]
+        for linkage in self.linkages:
+            if linkage.name == name:
+                return linkage
+        names = ', '.join(linkage.name for linkage in self.linkages)
+        if not names:
+            raise ConfigurationError(f'{shown(name)}: there is one linkage, which has no name')
+        told = f'{shown(name)} is not one of them' if name else 'choose one of them'
+        raise ConfigurationError(f'the linkages are {names}: {told}')
+
+    def parameters(self) -> dict[str, object]:
+        """Returns the values of all parameters by full name, including defaults."""
+        found = dict(self.shared)
+        for linkage in self.linkages:
+            prefix = prefix_of(linkage.name, '.')
+            found |= {
+                f'{prefix}{name}': value
+                for name, value in linkage.parameters().items()
+                if not linkage.name or name in self.own[linkage.name]
+            }
+        return found
+
+    def leaves(self) -> dict[str, Leaf]:
+        """Returns the parameters that a run with these linkages may have, by full name."""
+        found = dict[str, Leaf]()
+        for linkage in self.linkages:
+            prefix = prefix_of(linkage.name, '.')
+            for leaf in parameter_leaves(linkage.kind, linkage.parameters()):
+                found.setdefault(leaf.name, leaf)
+                if leaf.name not in OF_THE_RUN:
+                    name = f'{prefix}{leaf.name}'
+                    found[name] = leaf._replace(name=name)
+        return found
 
 
 def without_ros_parameters(values: Mapping[str, object]) -> dict[str, object]:
@@ -109,8 +214,9 @@ def configure(values: Mapping[str, object]) -> Configuration:
     """Validates parameters and creates a configuration.
 
     Args:
-        values: Values by dotted parameter name. If 'mechanism' is missing, they override the
-            values of the quadrilateral preset, unless its torque would be sent to a controller.
+        values: Values by dotted parameter name. If neither 'mechanism' nor 'linkages' is given,
+            they override the values of the quadrilateral preset, unless its torque would be sent
+            to a controller.
 
     Returns:
         The validated configuration.
@@ -120,25 +226,48 @@ def configure(values: Mapping[str, object]) -> Configuration:
             assembled, or the crank cannot turn. The message states what is valid.
     """
     given = without_ros_parameters(values)
+    names = linkage_names(given)
+    top, own = split(given, names)
+    found, mistakes = list[Linkage](), Mistakes()
+    for name in names:
+        with mistakes, in_linkage(name):
+            prefix = {'joint_prefix': f'{name}_'} if name else {}
+            found.append(_configured(name, {**prefix, **top, **own[name]}))
+    mistakes.check()
+    if names == ('',):
+        return Configuration((found[0],))
+    _require_compatible(found)
+    shared, below = shared_by_all({x.name: x.parameters() for x in found}, top, own)
+    return Configuration(tuple(found), shared, below)
+
+
+def _configured(name: str, given: Mapping[str, object]) -> Linkage:
+    """Validates the parameters of a linkage, given without its name.
+
+    Raises:
+        ConfigurationError: As for `configure`.
+    """
     refuse_old_names(given)
     # `build` ignores values of the preset that the drive does not have, such as rpm.
-    preset = {} if 'mechanism' in given else read_parameter_file(preset_path(DEFAULT_PRESET))
+    is_preset = 'mechanism' not in given and not name
+    preset = read_parameter_file(preset_path(DEFAULT_PRESET)) if is_preset else {}
     chosen = {**preset, **given}
     kind = MechanismAndDrive.of(chosen)
     valid = parameter_leaves(kind, given)
     names = [leaf.name for leaf in valid]
     mistakes = Mistakes()
     unused = MECHANISMS[kind.mechanism].unused(given)
-    unknown = [name for name in given if name not in names]
-    if kind.mechanism != 'drawing' and any(name.startswith('drawing.') for name in unknown):
+    unknown = [parameter for parameter in given if parameter not in names]
+    if kind.mechanism != 'drawing' and any(x.startswith('drawing.') for x in unknown):
         raise ConfigurationError(
             f'mechanism = {shown(kind.mechanism)}, with a drawing: write mechanism: drawing, or '
             'leave drawing out'
         )
     mistakes.count(len(unknown[_EXPLAINED:]))
-    for name in unknown[:_EXPLAINED]:
+    for parameter in unknown[:_EXPLAINED]:
         with mistakes:
-            raise ConfigurationError(_not_a_parameter(name, kind, names, unused.get(name, '')))
+            reason = unused.get(parameter, '')
+            raise ConfigurationError(_not_a_parameter(parameter, kind, names, reason))
     with mistakes:
         made = build(MECHANISMS[kind.mechanism], chosen)
         mechanism = made.converted()
@@ -149,15 +278,16 @@ def configure(values: Mapping[str, object]) -> Configuration:
     with mistakes:
         session = build(Session, chosen)
     mistakes.check()
-    if 'mechanism' not in given:
+    if is_preset:
         _require_harmless(drive)
-    found = Configuration(
+    found = Linkage(
         kind,
         mechanism,
         drive,
         session,
         build_joints(given),
         drawn_mechanism=None if made is mechanism else made,
+        name=name,
     )
     session.require_names(mechanism, found.robot_joints)
     _require_frame_joint(found)
@@ -171,15 +301,38 @@ def configure(values: Mapping[str, object]) -> Configuration:
     return found
 
 
-def _require_frame_joint(configuration: Configuration) -> None:
+def _require_compatible(linkages: Sequence[Linkage]) -> None:
+    """Rejects linkages of one run that differ in the kind of drive, or share the name of a joint.
+
+    Raises:
+        ConfigurationError: They cannot run together.
+    """
+    first, taken = linkages[0], dict[str, str]()
+    for linkage in linkages:
+        if linkage.kind.drive != first.kind.drive:
+            raise ConfigurationError(
+                f'{first.name} has drive: {first.kind.drive}, {linkage.name} has '
+                f'{linkage.kind.drive}: all linkages of a run have one kind of drive'
+            )
+        names = {joint.name for joint in linkage.robot_joints if joint.name}
+        for name in sorted({*names, linkage.crank_joint}):
+            if name in taken:
+                raise ConfigurationError(
+                    f'{taken[name]} and {linkage.name} each have a joint {shown(name)}: give each '
+                    'its own joint_prefix, joints or crank_joint'
+                )
+            taken[name] = linkage.name
+
+
+def _require_frame_joint(linkage: Linkage) -> None:
     """Rejects a joint of the linkage as the one that turns base_link.
 
     Raises:
         ConfigurationError: One joint is both.
     """
-    name = configuration.drive.frame_joint_name
-    driven = configuration.mechanism.structure().driven
-    for number, own in enumerate(configuration.robot_joints):
+    name = linkage.drive.frame_joint_name
+    driven = linkage.mechanism.structure().driven
+    for number, own in enumerate(linkage.robot_joints):
         if own.name and name == own.name:
             what = 'the crank' if number == driven else 'a joint of this linkage'
             raise ConfigurationError(
@@ -244,7 +397,8 @@ def _others(sought: str, kinds: Mapping[str, type], own: str) -> list[str]:
 
 def preset_note(values: Mapping[str, object]) -> str:
     """Returns the prefix of the summary if the default preset is used, otherwise ''."""
-    return '' if 'mechanism' in values else f'no mechanism given, so the {DEFAULT_PRESET}: '
+    is_given = 'mechanism' in values or LINKAGES in values
+    return '' if is_given else f'no mechanism given, so the {DEFAULT_PRESET}: '
 
 
 def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
@@ -300,8 +454,8 @@ def load(source: str) -> Configuration:
         return configure(values)
 
 
-def configuration_of(made: Mechanism | Drawing, rpm: float) -> Configuration:
-    """Returns a configuration of a mechanism from Python, or of a drawing, that has no drive.
+def configuration_of(made: Mechanism | Drawing, rpm: float) -> Linkage:
+    """Returns the configuration of a mechanism from Python, or of a drawing, that has no drive.
 
     Args:
         made: The mechanism or the drawing.
@@ -322,7 +476,7 @@ def configuration_of(made: Mechanism | Drawing, rpm: float) -> Configuration:
     if reach and reach.turns_fully and not reach.slides:
         drive = SpeedDrive(rpm=rpm)
     kind = next(name for name, cls in DRIVES.items() if type(drive) is cls)
-    return Configuration(
+    return Linkage(
         MechanismAndDrive(kinds[0], kind), mechanism, drive, Session(), drawn_mechanism=drawn
     )
 
@@ -348,6 +502,6 @@ def from_strings(strings: Mapping[str, str]) -> Configuration:
         values = {name: json.loads(text) for name, text in strings.items()}
     except (ValueError, RecursionError) as error:
         raise ConfigurationError(f'the logged configuration is not JSON: {error}') from error
-    if 'mechanism' not in values:
+    if not {'mechanism', LINKAGES} & {*values}:
         raise ConfigurationError('mechanism is missing from the logged configuration')
     return configure(with_new_names(values))

@@ -18,10 +18,11 @@ from linkage_ros.mechanism.exact import UNITS
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.joints import own_joints
+from linkage_ros.messages.topics import prefix_of
 from linkage_ros.motion.drives.law import LawDrive, Prescribed
 from linkage_ros.numeric import Array
 from linkage_ros.quantities import leaves
-from linkage_ros.settings.configuration import Configuration
+from linkage_ros.settings.configuration import Configuration, Linkage
 from linkage_ros.settings.parameters import parameter_leaves
 
 _LONG, _SHORT = 10.0, 1e-4  # m
@@ -39,29 +40,38 @@ _NEGLIGIBLE = 1e-3  # change of speed from point to point, relative to the speed
 
 
 def notes(configuration: Configuration) -> list[str]:
-    """Returns a line for each value that is probably a mistake.
+    """Returns a line for each value of a run that is probably a mistake; see `notes_on`."""
+    return [
+        f'{prefix_of(linkage.name, ": ")}{line}'
+        for linkage in configuration.linkages
+        for line in notes_on(linkage)
+    ]
+
+
+def notes_on(linkage: Linkage) -> list[str]:
+    """Returns a line for each value of a linkage that is probably a mistake.
 
     Most were probably given in another unit, and the line also states the value in that unit.
     """
     return [
-        *_zero(configuration),
-        *_angles(configuration),
-        *_lengths(configuration),
-        *_pins(configuration),
-        *_places(configuration),
-        *_masses(configuration),
-        *_near_change_point(configuration),
-        *_standing(configuration),
-        *_rigid(configuration),
-        *_rate(configuration),
-        *_rounding(configuration),
-        *_nothing(configuration),
+        *_zero(linkage),
+        *_angles(linkage),
+        *_lengths(linkage),
+        *_pins(linkage),
+        *_places(linkage),
+        *_masses(linkage),
+        *_near_change_point(linkage),
+        *_standing(linkage),
+        *_rigid(linkage),
+        *_rate(linkage),
+        *_rounding(linkage),
+        *_nothing(linkage),
     ]
 
 
-def _standing(configuration: Configuration) -> Iterator[str]:
+def _standing(linkage: Linkage) -> Iterator[str]:
     """Notes links of a drawing that do not move: a pin was probably given to another link."""
-    mechanism = configuration.mechanism
+    mechanism = linkage.mechanism
     if mechanism.drawn is None:
         return
     solver = Solver(replace(cast('Any', mechanism), loads=()))
@@ -85,9 +95,9 @@ def _standing(configuration: Configuration) -> Iterator[str]:
         )
 
 
-def _rigid(configuration: Configuration) -> Iterator[str]:
+def _rigid(linkage: Linkage) -> Iterator[str]:
     """Notes dyads that do not move relative to the link that has both of their ends."""
-    structure = configuration.mechanism.structure()
+    structure = linkage.mechanism.structure()
     carriers = carriers_of(structure.pins, structure.links)
     for i in sorted({x for x in carriers if x is not None}):
         names = [link.name for j, link in enumerate(structure.links) if carriers[j] == i != j]
@@ -98,12 +108,12 @@ def _rigid(configuration: Configuration) -> Iterator[str]:
             )
 
 
-def _zero(configuration: Configuration) -> Iterator[str]:
-    structure, given = configuration.mechanism.structure(), configuration.joints
-    link, joint = structure.driven_link, configuration.robot_joints[structure.driven]
-    own = own_joints(structure.links, configuration.session.joint_prefix)[structure.driven]
+def _zero(linkage: Linkage) -> Iterator[str]:
+    structure, given = linkage.mechanism.structure(), linkage.joints
+    link, joint = structure.driven_link, linkage.robot_joints[structure.driven]
+    own = own_joints(structure.links, linkage.session.joint_prefix)[structure.driven]
     is_given = link.name in given and given[link.name].zero is not None
-    if not configuration.drive.is_measured or joint.name == own.name or is_given:
+    if not linkage.drive.is_measured or joint.name == own.name or is_given:
         return
     meaning = f'a {link.name} at 0 m' if link.slides else 'the direction of +x'
     yield (
@@ -111,12 +121,12 @@ def _zero(configuration: Configuration) -> Iterator[str]:
     )
 
 
-def _angles(configuration: Configuration) -> Iterator[str]:
+def _angles(linkage: Linkage) -> Iterator[str]:
     """Notes angles of more than a turn, which were probably meant in degrees."""
-    values = configuration.parameters()
-    links = configuration.mechanism.structure().links
+    values = linkage.parameters()
+    links = linkage.mechanism.structure().links
     turning = [f'joints.{link.name}.zero' for link in links if not link.slides]
-    for name, quantity, _ in parameter_leaves(configuration.kind, values):
+    for name, quantity, _ in parameter_leaves(linkage.kind, values):
         value = values.get(name)
         is_angle = quantity.unit == 'rad' or name in turning
         if is_angle and isinstance(value, float) and abs(value) > 2 * math.pi:
@@ -126,13 +136,13 @@ def _angles(configuration: Configuration) -> Iterator[str]:
             )
 
 
-def _link_lengths(configuration: Configuration) -> dict[str, float]:
+def _link_lengths(linkage: Linkage) -> dict[str, float]:
     """Returns lengths by their parameters, m; in a drawing, those of its links."""
-    if configuration.drawn_mechanism is None:
-        values = configuration.parameters().items()
+    if linkage.drawn_mechanism is None:
+        values = linkage.parameters().items()
         return {n: x for n, x in values if n.endswith('.length') and isinstance(x, float)}
-    parts = configuration.mechanism.parts()
-    links = (f'drawing.links.{link.name}' for link in configuration.drawn_mechanism.drawing.links)
+    parts = linkage.mechanism.parts()
+    links = (f'drawing.links.{link.name}' for link in linkage.drawn_mechanism.drawing.links)
     return {
         f'{name}.length': part.length
         for name in links
@@ -140,11 +150,11 @@ def _link_lengths(configuration: Configuration) -> dict[str, float]:
     }
 
 
-def _lengths(configuration: Configuration) -> Iterator[str]:
-    lengths = _link_lengths(configuration)
-    if configuration.drawn_mechanism is not None and lengths:
+def _lengths(linkage: Linkage) -> Iterator[str]:
+    lengths = _link_lengths(linkage)
+    if linkage.drawn_mechanism is not None and lengths:
         name, value = max(lengths.items(), key=lambda pair: pair[1])
-        unit = configuration.drawn_mechanism.drawing.units
+        unit = linkage.drawn_mechanism.drawing.units
         if not _SHORT <= value <= _LONG:
             link = name.split('.')[2]
             yield (
@@ -159,29 +169,29 @@ def _lengths(configuration: Configuration) -> Iterator[str]:
             yield f'{name} = {value:g} m = {value * 1e3:g} mm; did you mean {value * 1e3:g} m?'
 
 
-def _pins(configuration: Configuration) -> Iterator[str]:
+def _pins(linkage: Linkage) -> Iterator[str]:
     """Notes pins of a drawing that are probably in another unit."""
-    if configuration.drawn_mechanism is not None:
-        yield from pins_in_another_unit(configuration.drawn_mechanism.drawing)
+    if linkage.drawn_mechanism is not None:
+        yield from pins_in_another_unit(linkage.drawn_mechanism.drawing)
 
 
-def _longest(configuration: Configuration) -> float:
+def _longest(linkage: Linkage) -> float:
     """Returns the length of the longest link, m; of a drawing, at least its width and height."""
-    lengths = [*_link_lengths(configuration).values()]
-    if configuration.drawn_mechanism is not None:
-        drawing = configuration.drawn_mechanism.drawing
+    lengths = [*_link_lengths(linkage).values()]
+    if linkage.drawn_mechanism is not None:
+        drawing = linkage.drawn_mechanism.drawing
         columns = zip(*drawing.pins.values(), strict=True)
         lengths += [float(UNITS[drawing.units]) * (max(x) - min(x)) for x in columns]
     return max(lengths, default=0)
 
 
-def _places(configuration: Configuration) -> Iterator[str]:
+def _places(linkage: Linkage) -> Iterator[str]:
     """Notes points in mm: centres of mass, and points of loads and dyads."""
-    values, longest = configuration.parameters(), _longest(configuration)
-    if configuration.drawn_mechanism is not None:
-        yield from _drawn_places(configuration, longest)
+    values, longest = linkage.parameters(), _longest(linkage)
+    if linkage.drawn_mechanism is not None:
+        yield from _drawn_places(linkage, longest)
         return
-    for name, quantity, _ in leaves(MECHANISMS[configuration.kind.mechanism], values=values):
+    for name, quantity, _ in leaves(MECHANISMS[linkage.kind.mechanism], values=values):
         place = values.get(name)
         if quantity.kind != 'pair' or quantity.unit != 'm' or not isinstance(place, tuple):
             continue
@@ -193,9 +203,9 @@ def _places(configuration: Configuration) -> Iterator[str]:
             )
 
 
-def _drawn_places(configuration: Configuration, longest: float) -> Iterator[str]:
+def _drawn_places(linkage: Linkage, longest: float) -> Iterator[str]:
     """Notes centres of mass and loads that are far from their links in a drawing."""
-    mechanism, unit = configuration.mechanism, configuration.drawn_mechanism.drawing.units
+    mechanism, unit = linkage.mechanism, linkage.drawn_mechanism.drawing.units
     places = [(f'the center of {x}', part.center) for x, part in mechanism.parts().items()
               if getattr(part, 'center', None)]  # fmt: skip
     places += [(f'loads.{load.name}.at', at) for load in mechanism.loads
@@ -208,10 +218,10 @@ def _drawn_places(configuration: Configuration, longest: float) -> Iterator[str]
             )
 
 
-def _masses(configuration: Configuration) -> Iterator[str]:
+def _masses(linkage: Linkage) -> Iterator[str]:
     """Notes masses in g, which are far above those of steel links of the same size."""
-    values, longest = configuration.parameters(), _longest(configuration)
-    lengths, drawn = _link_lengths(configuration), configuration.mechanism.drawn
+    values, longest = linkage.parameters(), _longest(linkage)
+    lengths, drawn = _link_lengths(linkage), linkage.mechanism.drawn
     cranks = {'crank', f'drawing.links.{drawn.links[0]}' if drawn else ''}
     for name, mass in values.items():
         part, _, field = name.rpartition('.')
@@ -229,12 +239,12 @@ def _masses(configuration: Configuration) -> Iterator[str]:
             )
 
 
-def _near_change_point(configuration: Configuration) -> Iterator[str]:
+def _near_change_point(linkage: Linkage) -> Iterator[str]:
     """Notes sums of drawn lengths that are probably meant to be 0, as in a parallelogram.
 
     Coordinates of few digits, or those of a CAD program, give such sums.
     """
-    mechanism = configuration.mechanism
+    mechanism = linkage.mechanism
     if not mechanism.drawn or not (reach := mechanism.reach()) or not reach.near_equalities:
         return
     own = (link.name for link in mechanism.loop_structure().links)
@@ -248,9 +258,9 @@ def _near_change_point(configuration: Configuration) -> Iterator[str]:
     )
 
 
-def _rate(configuration: Configuration) -> Iterator[str]:
+def _rate(linkage: Linkage) -> Iterator[str]:
     """Notes a rate with too few states per turn, or per period of a law."""
-    drive, rate = configuration.drive, configuration.session.rate_hz
+    drive, rate = linkage.drive, linkage.session.rate_hz
     turns, word = 0.0, 'turn'  # per second
     if isinstance(drive, LawDrive):
         law = drive.motion.law
@@ -266,9 +276,9 @@ def _rate(configuration: Configuration) -> Iterator[str]:
         )
 
 
-def _rounding(configuration: Configuration) -> Iterator[str]:
+def _rounding(linkage: Linkage) -> Iterator[str]:
     """Notes points of a law whose rounding errors dominate its accelerations."""
-    drive = configuration.drive
+    drive = linkage.drive
     if not isinstance(drive, LawDrive):
         return
     excess = _roughness(drive.motion)
@@ -312,8 +322,8 @@ def _roughness(motion: Prescribed) -> float:
     return size[1] / size[4] if is_everywhere else 0.0
 
 
-def _nothing(configuration: Configuration) -> Iterator[str]:
-    mechanism = configuration.mechanism
+def _nothing(linkage: Linkage) -> Iterator[str]:
+    mechanism = linkage.mechanism
     bodies = [(link.mass, link.inertia) for link in mechanism.structure().links]
     if not any(map(any, bodies)) and not mechanism.link_loads() and not mechanism.joint_loads():
         yield 'no link has a mass or an inertia, and there is no load or friction: the torque is 0'

@@ -24,6 +24,12 @@ from linkage_ros.settings.joints import joint_leaves
 from linkage_ros.settings.plane import Plane
 
 JOINT_PREFIX = '[A-Za-z0-9_]*'  # regular expression
+# Parameters of the whole run, which no linkage has of its own.
+OF_THE_RUN = (
+    'linkages', 'drive', 'rate_hz', 'log', 'log_overwrite', 'viewer', 'viewer_bind',
+    'effort_command_topic', 'lead_time', 'trajectory_command_topic', 'trajectory_horizon',
+    'measurement_timeout',
+)  # fmt: skip
 # Values of the parameter `viewer`: two of them, and all in words.
 SPAWN, WEB = 'spawn', 'web'
 VIEWERS = f'{SPAWN}, {WEB}, rerun+http://HOST:PORT/proxy or a .rrd path'
@@ -65,9 +71,10 @@ class MechanismAndDrive(Checked):
 
 @dataclass(frozen=True)
 class Session(Checked):
-    """Settings for publishing, logging and viewing a run.
+    """Settings for publishing, logging and viewing a run; those from joint_prefix on of a linkage.
 
     Attributes:
+        linkages: Names of the linkages; None for one linkage without a name.
         rate_hz: Number of states per second.
         log: Path of the MCAP log; empty for no log.
         log_overwrite: Whether an existing log or .rrd file may be replaced.
@@ -82,6 +89,11 @@ class Session(Checked):
             robot's joints are given, because the robot has its own.
     """
 
+    linkages: tuple[str, ...] | None = quantity(
+        'names', 'names of several linkages; the parameters of each are below its name, or, for '
+        'all linkages, at the top',
+        pattern='[A-Za-z][A-Za-z0-9_]*', default=None,
+    )  # fmt: skip
     rate_hz: float = quantity('number', 'states per second', 'Hz', span=(0.01, 1e5), default=200.0)
     log: str = quantity('text', 'path of the .mcap log; empty: no log', default='')
     log_overwrite: bool = quantity('switch', 'replace an existing log or .rrd file', default=False)

@@ -1,29 +1,29 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Describes a configuration in one line."""
+"""Describes a linkage in one line."""
 
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.travel import travel
-from linkage_ros.settings.configuration import Configuration
+from linkage_ros.settings.configuration import Linkage
 
 
-def summary(configuration: Configuration, solver: Solver) -> str:
+def summary(linkage: Linkage, solver: Solver) -> str:
     """Describes mechanism and motion in one line.
 
     Args:
-        configuration: Configuration of the run.
+        linkage: Linkage of the run.
         solver: Solver of the configured mechanism.
 
     Returns:
         The line, without a newline.
     """
-    words = [configuration.mechanism_words, configuration.mechanism.assembly]
+    words = [linkage.mechanism_words, linkage.mechanism.assembly]
     if reach := solver.mobility:
         words.append(f'driven {reach.driven}' if reach.slides else reach.grashof)
         if reach.turns_fully:
             words += travel(solver).words()
-    drive = configuration.drive
-    rate = f' at {configuration.session.rate_hz:g} Hz'
+    drive = linkage.drive
+    rate = f' at {linkage.session.rate_hz:g} Hz'
     moved = drive.words(solver.structure.driven_link)
     words.append(moved + ('' if drive.is_measured else rate))
     return ', '.join(words)

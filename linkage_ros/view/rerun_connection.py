@@ -13,7 +13,7 @@ import re
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, TypeAlias
 
@@ -29,7 +29,7 @@ from linkage_ros.numeric import Array
 from linkage_ros.quantities import shown
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.settings.parameters import SPAWN, VIEWERS, WEB
-from linkage_ros.view.rerun_drawing import TIMELINE, RerunDrawing, Rows
+from linkage_ros.view.rerun_drawing import TIMELINE, RerunDrawing, Rows, blueprint
 from linkage_ros.view.viewer_process import ViewerProcess, connections, open_viewer
 
 _URL = re.compile(r'rerun\+http://(\[[0-9a-fA-F:.]+\]|[^][/:\s]+):(\d{1,5})/proxy')
@@ -50,7 +50,15 @@ _ANSWER_SECONDS = 3.0  # a viewer that has just been started needs about 1 s
 LinkMotion: TypeAlias = tuple[npt.NDArray[np.int64], Array, Array, Array]
 
 
-def motion_of(samples: Sequence[tuple[int, State]]) -> LinkMotion:
+def motions_of(samples: Sequence[tuple[int, Mapping[str, State]]]) -> dict[str, LinkMotion]:
+    """Returns the motion of each linkage, given the states by linkage and their stamps, ns."""
+    names = dict.fromkeys(name for _, states in samples for name in states)
+    return {
+        name: _motion_of([(stamp, x[name]) for stamp, x in samples if name in x]) for name in names
+    }
+
+
+def _motion_of(samples: Sequence[tuple[int, State]]) -> LinkMotion:
     """Returns the motion of the links in states, given with their stamps, ns."""
     stamps, states = zip(*samples, strict=True)
     positions, rates, _, torques, *_ = zip(*states, strict=True)
@@ -85,7 +93,7 @@ class View:
         bind: str = '127.0.0.1',
         *,
         overwrite: bool = False,
-        read: Callable[[Sequence[Any]], LinkMotion] = motion_of,
+        read: Callable[[Sequence[Any]], Mapping[str, LinkMotion]] = motions_of,
     ) -> None:
         """Opens the view.
 
@@ -94,7 +102,8 @@ class View:
             target: One of VIEWERS.
             bind: Address on which the data and the page are served, for a window or a page.
             overwrite: Whether to replace an existing file.
-            read: Reads samples; by default, states with their stamps.
+            read: Reads samples: returns the motion of each linkage that they hold; by default,
+                samples are stamps, ns, and states by linkage.
 
         Raises:
             ViewerError: The target is invalid or cannot be opened, or Rerun is missing.
@@ -102,7 +111,8 @@ class View:
         rr.unregister_shutdown()
         self.page = self.trouble = ''
         self.dropped, self.period = 0, _PERIOD
-        self._drawing, self._target = RerunDrawing(configuration), target
+        self._target = target
+        self._drawings = {x.name: RerunDrawing(x) for x in configuration.linkages}
         # Samples that the curves do not show yet, and the time of the next curves, s.
         self._read, self._waiting, self._due = read, list[Any](), 0.0
         self._process: ViewerProcess | None = None
@@ -196,9 +206,10 @@ class View:
 
     def _use(self, sink: GrpcSink | FileSink) -> None:
         self._stream.set_sinks(sink)
-        self._stream.send_blueprint(self._drawing.layout())
-        for entity, components in self._drawing.constants().items():
-            self._stream.log(entity, *components, static=True, strict=True)
+        self._stream.send_blueprint(blueprint(self._drawings.values()))
+        for drawing in self._drawings.values():
+            for entity, components in drawing.constants().items():
+                self._stream.log(entity, *components, static=True, strict=True)
 
     def _show(self, samples: Sequence[Any]) -> None:
         """Sends all drawings and curves if they are due, otherwise only the last drawing."""
@@ -207,11 +218,13 @@ class View:
             self._due = time.monotonic() + _CURVES_PERIOD
             self._send_waiting()
         elif samples:
-            self._send_rows(self._drawing.frame(*self._read(samples[-1:])))
+            for name, motion in self._read(samples[-1:]).items():
+                self._send_rows(self._drawings[name].frame(*motion))
 
     def _send_waiting(self) -> None:
         if self._waiting:
-            self._send_rows(self._drawing.rows(*self._read(self._waiting)))
+            for name, motion in self._read(self._waiting).items():
+                self._send_rows(self._drawings[name].rows(*motion))
             self._waiting = []
 
     def _send_rows(self, rows: Iterable[Rows]) -> None:

@@ -19,9 +19,10 @@ import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 
+from linkage_ros.messages.topics import prefix_of
 from linkage_ros.numeric import Array
 from linkage_ros.palette import GREY, SECOND
-from linkage_ros.settings.configuration import Configuration
+from linkage_ros.settings.configuration import Linkage
 from linkage_ros.view.drawing import Drawing, free_ends
 
 TIMELINE = 'ros2_timestamp'  # Rerun's name for the stamps in an MCAP log
@@ -54,14 +55,15 @@ Rows: TypeAlias = tuple[str, npt.NDArray[np.int64], list[rr.ComponentColumn]]
 
 
 class RerunDrawing:
-    """Converts samples of a run to rows for Rerun, in batches of any size.
+    """Converts samples of a linkage to rows for Rerun, in batches of any size.
 
     Attributes:
         drawing: Drawing of the linkage.
     """
 
-    def __init__(self, configuration: Configuration) -> None:
-        mechanism, self._drive = configuration.mechanism, configuration.drive
+    def __init__(self, linkage: Linkage) -> None:
+        mechanism, self._drive = linkage.mechanism, linkage.drive
+        self._path, self._title = prefix_of(linkage.name), prefix_of(linkage.name, ': ')
         self.drawing = Drawing(mechanism, self._drive.drawn_angle(mechanism))
         turning, joints = self.drawing.turning, self.drawing.joints
         sliders = [joint for joint in joints if joint not in turning]
@@ -99,7 +101,8 @@ class RerunDrawing:
         directions = np.degrees(places[:, shown])
         curves = np.concatenate(values, axis=1), rates[:, turning], directions
         for entity, part in zip(self._curves, curves, strict=True):
-            yield entity, stamps, [_column(_SCALARS, pa.array(part.ravel()), part.shape)]
+            path = f'{self._path}{entity}'
+            yield path, stamps, [_column(_SCALARS, pa.array(part.ravel()), part.shape)]
         frames = stamps // _DRAWING_NS
         due = np.diff(frames, prepend=self._last_frame) != 0
         self._last_frame = frames[-1]
@@ -125,7 +128,7 @@ class RerunDrawing:
         strips = pa.ListArray.from_arrays(ends, corners, type=_STRIPS[1])
         moving = [_column(_POSITIONS, _pairs(points), points.shape),
                   _column(_STRIPS, strips, (len(pins), len(lines)))]  # fmt: skip
-        yield _MOVING, stamps, moving
+        yield f'{self._path}{_MOVING}', stamps, moving
         if loads:
             tips = np.stack([free_ends(line, pins) for line in loads.values()], axis=1)
             words = zip(*drawing.load_values(places, rates).values(), strict=True)
@@ -134,7 +137,7 @@ class RerunDrawing:
                 _column(_POSITIONS, _pairs(tips), tips.shape),
                 _column(_LABELS, texts, tips.shape),
             )
-            yield _LOADS, stamps, [*values]
+            yield f'{self._path}{_LOADS}', stamps, [*values]
 
     def constants(self) -> dict[str, list[rr.AsComponents]]:
         """Returns the components that are sent once, by entity: colours, labels, paths, ground."""
@@ -143,7 +146,7 @@ class RerunDrawing:
         path_colors = [drawing.colors[drawing.owners[point]] for point in drawing.paths]
         scale_label = drawing.scale.mean(axis=0)
         links = len(drawing.joints)
-        return {
+        found: dict[str, list[rr.AsComponents]] = {
             LINKAGE: [rr.Transform3D(scale=[1, -1, 1])],  # y is down in Rerun's 2-D views
             _FIXED: [
                 rr.LineStrips2D(
@@ -164,20 +167,24 @@ class RerunDrawing:
                 _points(None, drawing.pins, pins=len(drawing.pins)),
             ],
         }  # fmt: skip
+        return {f'{self._path}{entity}': components for entity, components in found.items()}
 
-    def layout(self) -> rrb.Blueprint:
+    def layout(self, *, is_alone: bool) -> rrb.Container:
         """Lays out the linkage and two columns of tabbed plots.
 
         The plots are as high as the window, because on a low plot Rerun shows only one label on
         the y axis; only a wide linkage is above them.
 
+        Args:
+            is_alone: Whether no other linkage is beside it; otherwise the plots are one column.
+
         Returns:
-            The blueprint.
+            The container.
         """
         (left, low), (right, high) = self.drawing.bounds.tolist()
         linkage = rrb.Spatial2DView(
-            name='Linkage, m',
-            contents=f'/{LINKAGE}/**',
+            name=f'{self._title}Linkage, m',
+            contents=f'/{self._path}{LINKAGE}/**',
             visual_bounds=rrb.VisualBounds2D(x_range=(left, right), y_range=(-high, -low)),
         )
         drive = 'Force, N' if self._driven.slides else 'Torque, N m'
@@ -190,14 +197,11 @@ class RerunDrawing:
             *(self._plot(title, VALUES, number) for number, title in enumerate(titles, 1)),
             self._plot('Angles, deg', DIRECTIONS),
         ]
+        if not is_alone:
+            return rrb.Vertical(linkage, rrb.Tabs(*left_plots, *right_plots))
         parts = linkage, rrb.Horizontal(rrb.Tabs(*left_plots), rrb.Tabs(*right_plots))
         is_wide = right - left > _WIDE * (high - low)
-        return rrb.Blueprint(
-            rrb.Vertical(*parts) if is_wide else rrb.Horizontal(*parts, column_shares=[1, 2]),
-            rrb.TimePanel(timeline=TIMELINE, state='collapsed'),
-            rrb.SelectionPanel(state='collapsed'),
-            rrb.BlueprintPanel(state='collapsed'),
-        )
+        return rrb.Vertical(*parts) if is_wide else rrb.Horizontal(*parts, column_shares=[1, 2])
 
     def _plot(self, title: str, entity: str, shown: int | None = None) -> rrb.TimeSeriesView:
         """Plots all curves of an entity over the last seconds, or only curve number `shown`."""
@@ -213,15 +217,28 @@ class RerunDrawing:
             start=rr.TimeRangeBoundary.cursor_relative(seconds=-self._drive.plotted_seconds),
             end=rr.TimeRangeBoundary.cursor_relative(),
         )
+        path = f'/{self._path}{entity}'
         return rrb.TimeSeriesView(
-            name=title,
-            origin=f'/{entity}',
-            contents=f'/{entity}',
-            overrides={f'/{entity}': series},
+            name=f'{self._title}{title}',
+            origin=path,
+            contents=path,
+            overrides={path: series},
             # Without a range of its own, the axis follows the data another frame later.
             axis_x=rrb.archetypes.TimeAxis(view_range=last),
             plot_legend=rrb.PlotLegend(corner='LeftTop', visible=shown is None),
         )
+
+
+def blueprint(drawings: Collection[RerunDrawing]) -> rrb.Blueprint:
+    """Lays out the linkages of a run side by side, each in its own axes."""
+    is_alone = len(drawings) == 1
+    cells = [drawing.layout(is_alone=is_alone) for drawing in drawings]
+    return rrb.Blueprint(
+        cells[0] if is_alone else rrb.Grid(*cells),
+        rrb.TimePanel(timeline=TIMELINE, state='collapsed'),
+        rrb.SelectionPanel(state='collapsed'),
+        rrb.BlueprintPanel(state='collapsed'),
+    )
 
 
 def _points(places: list[Array] | None, names: Collection[str], *, pins: int) -> rr.Points2D:

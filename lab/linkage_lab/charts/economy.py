@@ -115,7 +115,7 @@ def economy(options: argparse.Namespace) -> None:
         ConfigurationError: No speed is given, or a file cannot be written.
         MechanismError: The crank angle does not determine the motion, or no torque is needed.
     """
-    configuration, name = load(options.params), Path(options.params).stem
+    configuration, name = load(options.params).linkage(options.linkage), Path(options.params).stem
     measured = Economy(configuration.mechanism, name)
     own, rpms = _speeds(options.params, configuration.drive, options.rpm or [])
     records = new_file(options, options.out / f'{name}_economy.json')

@@ -82,7 +82,7 @@ def motion(options: argparse.Namespace) -> None:
         for name in ('acceleration', 'reactions', 'fluctuation')
         if (value := getattr(options, name))
     }
-    designs = [load(source) for source in options.params]
+    designs = [load(source).linkage(options.linkage) for source in options.params]
     stem = 'comparison' if len(names) > 1 else f'{names[0]}_motion'
     drawn, table = pictures(options, stem), new_file(options, options.out / f'{stem}.csv')
     flywheel = None

@@ -57,7 +57,7 @@ def movie(options: argparse.Namespace) -> None:
         )
     if path.suffix not in {'.html', '.gif', '.mp4'}:
         raise ConfigurationError(f'{path}: must end with .html, .gif or .mp4')
-    design = load(options.params)
+    design = load(options.params).linkage(options.linkage)
     period, (name, about, speed, *_) = period_to_show(options.params, design, options.rpm)
     if not period.speed:
         raise ConfigurationError('the crank is at rest: a movie needs a speed, such as --rpm 30')

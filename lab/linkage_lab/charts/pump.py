@@ -26,7 +26,7 @@ def pump(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: The mechanism is not a wind pump, or a file cannot be written.
     """
-    configuration = load(options.params)
+    configuration = load(options.params).linkage(options.linkage)
     mechanism, drive = configuration.mechanism, cast('Any', configuration.drive)
     if not isinstance(mechanism, WindPump):
         raise ConfigurationError(f'{options.params} is not a wind_pump: try the preset wind_pump')

@@ -116,7 +116,7 @@ def sketch(options: argparse.Namespace) -> None:
         ConfigurationError: The mechanism or an option is invalid, or a file cannot be written.
         UnreachableError: The mechanism cannot be at the position.
     """
-    design, name = load(options.params), Path(options.params).stem
+    design, name = load(options.params).linkage(options.linkage), Path(options.params).stem
     sketched = sketch_of(design, options.at)
     lines = [*describe(sketched)]
     files = pictures(options, f'{name}_sketch')

@@ -63,7 +63,7 @@ def state(options: argparse.Namespace) -> None:
         UnreachableError: No assembly exists at this position.
     """
     table = options.csv and new_file(options, options.csv)
-    design = load(options.params)
+    design = load(options.params).linkage(options.linkage)
     place, speed, words = position_and_speed(design, options)
     found, notes = snapshots(design, place, speed, options.acceleration)
     cli.print_notes([*doubts(design), *notes])

@@ -26,7 +26,7 @@ from linkage_ros.internals import (
     STANDARD_OUTPUT,
     configure,
     is_same_file,
-    notes,
+    notes_on,
     printable,
     read_xml,
 )
@@ -209,10 +209,10 @@ def import_robot(options: argparse.Namespace) -> None:
     except ConfigurationError as error:
         raise ConfigurationError(f'{options.robot}: {error}') from error
     save_text(options.out, parameter_text(found, options.robot.name))
-    cli.print_notes([*found.notes, *notes(configuration)])
+    cli.print_notes([*found.notes, *notes_on(configuration.only)])
     if str(options.out) == STANDARD_OUTPUT:
         return
-    print(summary(found, configuration.mechanism_words))
+    print(summary(found, configuration.only.mechanism_words))
     speed = ' --rpm 30' if Solver(found.mechanism).reach.turns_fully else ''
     print(f'{options.out}; linkage_chart motion {options.out}{speed} shows it')
 

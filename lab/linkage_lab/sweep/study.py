@@ -14,7 +14,7 @@ from linkage_lab.sweep.designs import RPM, SPEED
 from linkage_lab.sweep.measures import MEASURES, Task, Way
 from linkage_ros import ConfigurationError, Mechanism, load
 from linkage_ros.formulas import Array
-from linkage_ros.internals import Configuration, new_name, read_yaml, reversals
+from linkage_ros.internals import Linkage, new_name, read_yaml, reversals
 from linkage_ros.quantities import (
     Checked,
     Leaf,
@@ -48,6 +48,7 @@ class Settings(Checked):
             the base or, if it has none, whole turns.
         point: Name of a traced point of the base; None for its only one.
         points: Points that the traced point should pass through, as x, y, x, y, ..., m.
+        linkage: Name of the mechanism, if the base has several; empty for the only one.
     """
 
     base: str = quantity('text', 'preset, or parameter file, of the mechanism')
@@ -74,13 +75,14 @@ class Settings(Checked):
         span=(-1e9, 1e9),
         default=None,
     )
+    linkage: str = quantity('text', 'linkage of the base, if it has several', default='')
 
 
 class Study(NamedTuple):
     """A study with its sampled designs.
 
     Attributes:
-        base: Configuration of the base.
+        base: Linkage of the base.
         task: The computation for every design.
         columns: The varied parameters with their ranges; defaults are the values of the base.
         designs: Values of these parameters, a row for each design.
@@ -110,7 +112,7 @@ def read_study(path: str) -> Study:
     """
     groups, values = _read_groups(path)
     settings, listed = build(Settings, values), values.get('measures', [])
-    configuration = load(settings.base)
+    configuration = load(settings.base).linkage(settings.linkage)
     mechanism = configuration.mechanism
     if not mechanism.reach():
         raise ConfigurationError(
@@ -234,7 +236,7 @@ def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
 
 
 def _columns(
-    groups: Mapping[str, Mapping[str, Any]], base: Configuration, speed: float | None
+    groups: Mapping[str, Mapping[str, Any]], base: Linkage, speed: float | None
 ) -> list[Leaf]:
     """Returns the parameters in which designs differ, with their ranges.
 
@@ -265,7 +267,7 @@ def _columns(
     return [*columns.values()]
 
 
-def _require_turning(base: Configuration, name: str, value: object) -> None:
+def _require_turning(base: Linkage, name: str, value: object) -> None:
     """Rejects angles in degrees for a parameter of a load on a sliding link.
 
     Raises:

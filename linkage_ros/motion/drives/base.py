@@ -40,6 +40,7 @@ class Machine:
         integrate: Creates the integrator of a motion under a torque.
         conditions: Conditions before the first message: they hold the force of each load whose
             force is set by messages.
+        others: Names of the driven joints of the other linkages of the run.
     """
 
     solver: Solver
@@ -49,6 +50,7 @@ class Machine:
     lead: int | None = None
     integrate: Integrate = live_steps
     conditions: Conditions = OWN_CONDITIONS
+    others: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from linkage_ros.messages.cdr import decode_trajectory
 from linkage_ros.motion.along_law import LawMotion, require_possible
 from linkage_ros.motion.drives.base import Machine
-from linkage_ros.motion.inputs import Input
+from linkage_ros.motion.inputs import Input, UnnamedError
 from linkage_ros.units import NS_PER_S
 
 TRAJECTORIES_TAKEN, TRAJECTORIES_REJECTED = 'trajectories taken', 'trajectories rejected'
@@ -34,7 +34,7 @@ class CrankTrajectories(Input):
         self._machine, self._motion, self._stamp = machine, motion, 0
 
     def read(self, data: bytes, _: int) -> LawMotion:
-        """Reads a trajectory that leaves the motion at the stamp of the last `applied`.
+        """Reads a trajectory that leaves the motion at the stamp of the last `prepare`.
 
         Args:
             data: CDR bytes of a JointTrajectory.
@@ -43,16 +43,22 @@ class CrankTrajectories(Input):
             The motion along the trajectory.
 
         Raises:
+            UnnamedError: It does not name this crank.
             ValueError: The message must be rejected; the error text is the cause.
         """
-        try:
-            motion = self._motion.join(self._stamp, *self._decode(data))
-            require_possible(motion.segment.law, self._machine.solver)
-        except ValueError:
-            self.counts[TRAJECTORIES_REJECTED] += 1
-            raise
+        motion = self._motion.join(self._stamp, *self._decode(data))
+        require_possible(motion.segment.law, self._machine.solver)
         self.counts[TRAJECTORIES_TAKEN] += 1
+        self._motion = motion  # a later message joins it
         return motion
+
+    def reject(self, _: ValueError) -> None:
+        """Counts a rejected trajectory; see `Input.reject`."""
+        self.counts[TRAJECTORIES_REJECTED] += 1
+
+    def prepare(self, motion: LawMotion, stamp: int) -> None:
+        """Takes the motion that trajectories leave; see `Input.prepare`."""
+        self._motion, self._stamp = motion, stamp
 
     def _decode(
         self, data: bytes
@@ -60,26 +66,33 @@ class CrankTrajectories(Input):
         """Returns the future points: stamps, ns, angles, and rates or rates and accelerations.
 
         Raises:
+            UnnamedError: The message does not name this crank.
             ValueError: The message is not a trajectory for this crank.
         """
         stamp, names, points = decode_trajectory(data)
         crank, start = self._machine.crank, stamp or self._stamp
-        if names != [crank]:
-            words = ascii(', '.join(names))[1:-1] or 'nothing'
-            raise ValueError(f'it names {words:.80}: must name {crank} alone')
+        words = ascii(', '.join(names))[1:-1] or 'nothing'
+        if crank not in names:
+            raise UnnamedError(f'it names {words:.80}: must name {crank}')
+        others = [name for name in names if name != crank]
+        if len(others) != len(names) - 1 or not {*others} <= self._machine.others:
+            alone = 'once, and only cranks' if self._machine.others else 'alone'
+            raise ValueError(f'it names {words:.80}: must name {crank} {alone}')
         if not points:
             raise ValueError('it has no points')
+        i, n = names.index(crank), len(names)
         sizes = {(len(x.positions), len(x.velocities), len(x.accelerations)) for x in points}
-        if sizes not in ({(1, 0, 0)}, {(1, 1, 0)}, {(1, 1, 1)}):
+        if sizes not in ({(n, 0, 0)}, {(n, n, 0)}, {(n, n, n)}):
+            each = ' for each joint' if n > 1 else ''
             raise ValueError(
-                'its points do not match: each must have one position and, if every other point '
-                'has them, one velocity, or one velocity and one acceleration'
+                f'its points do not match: each must have one position{each} and, if every other '
+                'point has them, one velocity, or one velocity and one acceleration'
             )
         joint = self._machine.joint
         rows = []
         for point in points:
-            rates = *point.velocities, *point.accelerations
-            rows.append((joint.own(point.positions[0]), *(rate / joint.ratio for rate in rates)))
+            rates = *point.velocities[i : i + 1], *point.accelerations[i : i + 1]
+            rows.append((joint.own(point.positions[i]), *(rate / joint.ratio for rate in rates)))
         if not all(map(math.isfinite, itertools.chain(*rows))):
             raise ValueError('a number of it is not finite')
         times = [start + point.time for point in points]
@@ -99,10 +112,7 @@ class CrankTrajectories(Input):
         self, motion: LawMotion, stamp: int, elapsed: int, received: Iterable[LawMotion]  # noqa: ARG002
     ) -> LawMotion:  # fmt: skip
         """Returns the motion along the last accepted trajectory, or the motion so far."""
-        self._motion, self._stamp = motion, stamp
-        for joined in received:  # each joins the motion along the one before
-            self._motion = joined
-        return self._motion
+        return [motion, *received][-1]
 
     def diagnostics(self) -> dict[str, str]:
         """Returns the counts of trajectories, for diagnostics."""

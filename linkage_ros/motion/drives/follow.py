@@ -5,9 +5,9 @@
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, NoReturn, TypeAlias
+from typing import NamedTuple, NoReturn
 
 from linkage_ros.errors import ConfigurationError, LinkageError, UnreachableError
 from linkage_ros.mechanism.base import Mechanism
@@ -19,15 +19,12 @@ from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.messages.topics import MEASURED_JOINT_STATES, Topic
 from linkage_ros.motion.drives.base import Machine
 from linkage_ros.motion.drives.feed_forward import FeedForward
-from linkage_ros.motion.inputs import Input, Losses
+from linkage_ros.motion.inputs import Input, Losses, UnnamedError
 from linkage_ros.motion.measured import FollowMotion, FollowSegment, Tracked, extrapolated
 from linkage_ros.motion.segments import Coordinates, stacked
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, quantity
 from linkage_ros.units import NS_PER_S
-
-# Computes the numbers in messages from coordinates, and those for the feed-forward torque.
-Numbers: TypeAlias = Callable[[Coordinates, Coordinates | None], Sequence[Real]]
 
 # s without a measurement after which a warning is issued, if no torque depends on them, or before
 # the first one.
@@ -135,15 +132,16 @@ class MeasuredCrank(Input):
             The stamp, ns, and the coordinates of the crank.
 
         Raises:
+            UnnamedError: The message has no position of the crank.
             ValueError: The message must be rejected. The error text is the cause, which may be
                 followed by a colon and details.
         """
-        before = self._tracked()
-        stamp, found = self._measure(data, received)
+        before = self.tracked()
+        stamp, found = self.measure(data, received)
         try:
             self._require_states(found)
         except ValueError:
-            self._take_back(before)
+            self.take_back(before)
             raise
         now = time.monotonic()
         if self._is_heard and now - self._last > self._silence:
@@ -151,49 +149,11 @@ class MeasuredCrank(Input):
         self._last, self._is_heard = now, True
         return stamp, found
 
-    def answers(
-        self, messages: Iterable[tuple[int, bytes]], numbers: Numbers
-    ) -> tuple[list[int], list[int], Sequence[Real]]:
-        """Answers many messages, with the same results as `read`.
-
-        Args:
-            messages: Time of receipt, ns, and CDR bytes of each JointState.
-            numbers: Computes the numbers in messages, given a result of `stacked`.
-
-        Returns:
-            The time of receipt of each accepted message, ns, the stamp of its state, ns, and the
-            numbers in the messages of the states. Rejected messages are counted.
-        """
-        messages, before, rejected = [*messages], self._tracked(), self.rejected.copy()
-        try:
-            return self._answers(messages, self._measure, numbers)
-        except LinkageError:  # of at least one state
-            self._take_back(before)
-            self.rejected = rejected
-            return self._answers(messages, self.read, numbers)
-
-    def _answers(
-        self,
-        messages: Iterable[tuple[int, bytes]],
-        read: Callable[[bytes, int], tuple[int, Coordinates]],
-        numbers: Numbers,
-    ) -> tuple[list[int], list[int], Sequence[Real]]:
-        heard = list[tuple[int, int, Coordinates]]()
-        for received, data in messages:
-            try:
-                stamp, found = read(data, received)
-            except ValueError:  # counted; `suppress` takes a twentieth of the time of a record
-                continue
-            heard.append((received, stamp, found))
-        if not heard:
-            return [], [], ()
-        times, stamps, all_found = zip(*heard, strict=True)
-        return [*times], [*stamps], numbers(*self.stacked(all_found))
-
-    def _tracked(self) -> tuple[Tracked, Tracked | None]:
+    def tracked(self) -> tuple[Tracked, Tracked | None]:
+        """Returns the state of the filters, for `take_back`."""
         return self._motion.tracked, self._frame.tracked if self._frame else None
 
-    def _take_back(self, before: tuple[Tracked, Tracked | None]) -> None:
+    def take_back(self, before: tuple[Tracked, Tracked | None]) -> None:
         """Sets the filters to what they were before measurements that have no state."""
         self._motion.tracked, frame = before
         if self._frame and frame:
@@ -216,43 +176,41 @@ class MeasuredCrank(Input):
         lead = self._machine.lead
         return None if lead is None else extrapolated(coordinates, lead / NS_PER_S)
 
-    def _measure(self, data: bytes, received: int) -> tuple[int, Coordinates]:
-        """Reads the coordinates of the crank; see `read`.
+    def measure(self, data: bytes, received: int) -> tuple[int, Coordinates]:
+        """Reads the coordinates of the crank like `read`, without checking that a state exists.
 
         Raises:
+            UnnamedError: The message has no position of the crank.
             ValueError: The message must be rejected.
         """
-        try:
-            crank = self._decode(data, self._joint, self._machine.joint, NO_CRANK)
-            stamp = crank.stamp or received
-            # A filter must not see a measurement that is rejected.
-            if self._frame:
-                base = self._decode(data, self._frame_reader, self._frame_joint, NO_FRAME)
-                self._frame.check(stamp, base.position, base.velocity)
-            if self._is_limited and math.isfinite(crank.position):
-                self._require_state(crank.position)
-            found = self._motion.at(stamp, crank.position, crank.velocity)
-            conditions = self._machine.conditions
-            if self._frame:
-                turned = self._frame.at(stamp, base.position, base.velocity)
-                motion = turned.q[0], turned.u[0], turned.a[0]
-                conditions = replace(conditions, frame=motion)
-            found = found._replace(conditions=conditions)
-        except ValueError as error:
-            self._reject(error)
-            raise
+        crank = self._decode(data, self._joint, self._machine.joint, UnnamedError(NO_CRANK))
+        stamp = crank.stamp or received
+        # A filter must not see a measurement that is rejected.
+        if self._frame:
+            absent = ValueError(NO_FRAME)
+            base = self._decode(data, self._frame_reader, self._frame_joint, absent)
+            self._frame.check(stamp, base.position, base.velocity)
+        if self._is_limited and math.isfinite(crank.position):
+            self._require_state(crank.position)
+        found = self._motion.at(stamp, crank.position, crank.velocity)
+        conditions = self._machine.conditions
+        if self._frame:
+            turned = self._frame.at(stamp, base.position, base.velocity)
+            motion = turned.q[0], turned.u[0], turned.a[0]
+            conditions = replace(conditions, frame=motion)
+        found = found._replace(conditions=conditions)
         if self._machine.joint.is_mapped:
             found = found._replace(unwrapped=crank.value)
         return stamp, found
 
     def _decode(
-        self, data: bytes, reader: JointReader, joint: RobotJoint, absent: str
+        self, data: bytes, reader: JointReader, joint: RobotJoint, absent: ValueError
     ) -> _Measured:
         """Reads a joint from a message.
 
         Raises:
-            ValueError: The message has no measurement. The error text is the cause, which is
-                `absent` if it has no position.
+            ValueError: The message has no measurement; `absent` if it has no position. The error
+                text is the cause.
         """
         try:
             stamp, value, velocity = reader.read(data)
@@ -260,7 +218,7 @@ class MeasuredCrank(Input):
             is_doubtful = isinstance(error, DoubtfulJointError)
             raise ValueError(str(error) if is_doubtful else NO_JOINT_STATE) from error
         if value is None:
-            raise ValueError(absent)
+            raise absent
         if not joint.is_mapped:
             return _Measured(stamp, value, value, velocity)
         rate = None if velocity is None else velocity / joint.ratio
@@ -272,12 +230,8 @@ class MeasuredCrank(Input):
         Raises:
             ValueError: The message must be rejected.
         """
-        try:
-            for one in filter(None, (found, self.later(found))):
-                self._require_state(one.q[0], one.u[0], one.a[0], under=one.conditions)
-        except ValueError as error:
-            self._reject(error)
-            raise
+        for one in filter(None, (found, self.later(found))):
+            self._require_state(one.q[0], one.u[0], one.a[0], under=one.conditions)
 
     def _require_state(self, *motion: Real, under: Conditions = OWN_CONDITIONS) -> None:
         try:
@@ -298,7 +252,8 @@ class MeasuredCrank(Input):
             f'multiples of {turn:.6g}; own angles: '
         )
 
-    def _reject(self, error: ValueError) -> None:
+    def reject(self, error: ValueError) -> None:
+        """Counts a rejected message by its cause; see `Input.reject`."""
         self.rejected[str(error).partition(':')[0]] += 1
 
     def troubles(self, topic: str) -> list[str]:

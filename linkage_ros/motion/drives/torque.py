@@ -19,7 +19,7 @@ from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.cdr import decode_joint_state
 from linkage_ros.messages.topics import JOINT_COMMANDS, Topic
 from linkage_ros.motion.drives.base import Drive, Machine
-from linkage_ros.motion.inputs import Expiring, Input
+from linkage_ros.motion.inputs import Expiring, Input, UnnamedError
 from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.under_torque import Motor, TorqueMotion, TorqueSegment
 from linkage_ros.numeric import within_two_turns
@@ -233,12 +233,12 @@ class TorqueCommands(Input):
         Raises:
             ValueError: The message is not a command for this crank.
         """
-        try:
-            command = decode_joint_state(data)
-            return self.commanded(command.names, command.efforts)
-        except ValueError:
-            self.counts[REJECTED] += 1
-            raise
+        command = decode_joint_state(data)
+        return self.commanded(command.names, command.efforts)
+
+    def reject(self, _: ValueError) -> None:
+        """Counts a rejected command; see `Input.reject`."""
+        self.counts[REJECTED] += 1
 
     def commanded(self, names: Sequence[str], efforts: Sequence[float]) -> float:
         """Checks a command.
@@ -251,6 +251,7 @@ class TorqueCommands(Input):
             The commanded torque within `torque_limit`, N m.
 
         Raises:
+            UnnamedError: It does not name this crank.
             ValueError: The message is not a command for this crank.
         """
         if len(efforts) != len(names):
@@ -259,7 +260,8 @@ class TorqueCommands(Input):
             )
         if list(names).count(self._crank) != 1:
             shown = ascii(', '.join(names))[1:-1] or 'nothing'
-            raise ValueError(f'it names {shown:.80}: must name {self._crank} once')
+            kind = ValueError if self._crank in names else UnnamedError
+            raise kind(f'it names {shown:.80}: must name {self._crank} once')
         torque = float(efforts[list(names).index(self._crank)]) * self._ratio
         if not math.isfinite(torque):
             raise ValueError(f'effort {torque}: must be a finite number, {self._unit}')

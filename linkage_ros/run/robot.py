@@ -1,0 +1,127 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The linkages of a run, and what they have in common: ticks, and messages of their states."""
+
+from collections.abc import Iterable, Mapping
+from itertools import chain
+
+import numpy as np
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.messages.templates import RunTemplates
+from linkage_ros.messages.topics import ROBOT_DESCRIPTION, Topic, topic_of_linkage
+from linkage_ros.motion.inputs import SharedInput
+from linkage_ros.motion.live_force import LiveForce
+from linkage_ros.numeric import Real
+from linkage_ros.quantities import shown
+from linkage_ros.run.states import RowPart, Simulator
+from linkage_ros.run.ticks import TickRate
+from linkage_ros.settings.configuration import Configuration
+
+
+class Robot:
+    """The linkages of a run.
+
+    Attributes:
+        configuration: Configuration of the run.
+        simulators: Simulators of the linkages, by name, in the order of their joints in messages.
+        names: Names of the linkages.
+        drive: The drive of the first linkage, which has the kind and the topics of all.
+        has_efforts: Whether states hold efforts for a controller.
+        templates: Templates of the messages of states.
+        ticks: Times of the ticks.
+    """
+
+    def __init__(self, configuration: Configuration) -> None:
+        """Prepares the linkages.
+
+        Raises:
+            ConfigurationError: Two loads have the same topic.
+        """
+        self.configuration = configuration
+        linkages = configuration.linkages
+        found = [
+            Simulator(linkage, [other.crank_joint for other in linkages if other is not linkage])
+            for linkage in linkages
+        ]
+        self.simulators = {simulator.name: simulator for simulator in found}
+        self.names = tuple(self.simulators)
+        self.drive, session = linkages[0].drive, configuration.session
+        self.has_efforts = bool(self.drive.effort_command_topic)
+        numbers = [simulator.numbers for simulator in found]
+        topic = self.drive.effort_command_topic
+        self.templates = RunTemplates(numbers, session.frame_id, topic)
+        self.ticks = TickRate(session.rate_hz)
+        self.live_forces()
+
+    def descriptions(self) -> dict[Topic, bytes]:
+        """Returns the CDR bytes of the robot_description messages that are published, by topic."""
+        return {
+            topic_of_linkage(ROBOT_DESCRIPTION, name): simulator.description
+            for name, simulator in self.simulators.items()
+            if simulator.description
+        }
+
+    def inputs(self) -> dict[Topic, SharedInput]:
+        """Returns the topics that a run receives, with new readers of their messages."""
+        every = {name: simulator.inputs() for name, simulator in self.simulators.items()}
+        topics = dict.fromkeys(topic for inputs in every.values() for topic in inputs)
+        return {
+            topic: SharedInput({name: inputs[topic] for name, inputs in every.items()})
+            for topic in topics
+        }
+
+    def live_forces(self) -> dict[str, dict[Topic, LiveForce]]:
+        """Returns the topics of live loads, with new readers of their messages, by linkage.
+
+        Raises:
+            ConfigurationError: Two loads have the same topic.
+        """
+        found, taken = dict[str, dict[Topic, LiveForce]](), set[str]()
+        for name, simulator in self.simulators.items():
+            found[name] = simulator.live_forces()
+            for topic in found[name]:
+                if topic.name in taken:
+                    raise ConfigurationError(
+                        f'wrench_topic = {shown(topic.name)}: loads of two linkages have it; give '
+                        'each its own'
+                    )
+                taken.add(topic.name)
+        return found
+
+    def row(
+        self, parts: Mapping[str, RowPart], held: Mapping[str, Real] | None = None
+    ) -> tuple[Real, ...]:
+        """Returns the numbers in the messages of a state.
+
+        Args:
+            parts: The numbers of the linkages that the state holds, by name, in their order.
+            held: Last efforts of the other linkages; by default 0.
+        """
+        numbers = chain.from_iterable(part.numbers for part in parts.values())
+        if not self.has_efforts:
+            return tuple(numbers)
+        efforts = {**dict.fromkeys(self.names, 0.0), **(held or {})}
+        efforts |= {name: part.effort for name, part in parts.items() if part.effort is not None}
+        return (*numbers, *efforts.values())
+
+
+class HeldEfforts:
+    """The last effort of each linkage, which a controller holds.
+
+    Attributes:
+        values: The efforts, by linkage: 0 before the first one, and once it is ended or refused.
+    """
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self.values: dict[str, float] = dict.fromkeys(names, 0.0)
+
+    def end(self, names: Iterable[str]) -> None:
+        """Sets efforts to 0."""
+        self.values |= dict.fromkeys(names, 0.0)
+
+    def hold(self, parts: Mapping[str, RowPart]) -> None:
+        """Keeps the efforts of states, of which the last ones count, by linkage."""
+        for name, part in parts.items():
+            if part.effort is not None:
+                self.values[name] = float(np.ravel(part.effort)[-1])

@@ -1,0 +1,125 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Several linkages in one set of parameters: their names, and which values belong to each.
+
+The parameters of a linkage are those at the top, overlaid by those below its name. Here,
+parameters are values by dotted name.
+"""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeAlias, cast
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.messages import topics
+from linkage_ros.motion.drives import DRIVES
+from linkage_ros.quantities import leaves, shown
+from linkage_ros.settings.parameters import OF_THE_RUN, MechanismAndDrive, Session
+
+LINKAGES = 'linkages'
+
+Values: TypeAlias = Mapping[str, object]
+
+# Texts that rcl reads as booleans.
+_BOOLEANS = {'y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false'}
+_NAMES = next(leaf.quantity for leaf in leaves(Session) if leaf.name == LINKAGES)
+
+
+def linkage_names(values: Values) -> tuple[str, ...]:
+    """Returns the names of the linkages; one empty name if none are given.
+
+    Raises:
+        ConfigurationError: A name is invalid.
+    """
+    if LINKAGES not in values:
+        return ('',)
+    names = cast('tuple[str, ...]', _NAMES.clean(LINKAGES, values[LINKAGES]))
+    taken = {**_parameters(), **_topics(values)}
+    for number, name in enumerate(names):
+        label = f'{LINKAGES}: {shown(name)}'
+        if name in names[:number]:
+            raise ConfigurationError(f'{label} is named twice: give each linkage its own name')
+        if name.lower() in _BOOLEANS:
+            raise ConfigurationError(f'{label}: ROS reads it as a boolean; choose another name')
+        if '__' in name or not re.fullmatch(_NAMES.pattern, name):
+            raise ConfigurationError(
+                f'{label}: a name must be letters, digits and single underscores, and begin with '
+                'a letter'
+            )
+        if name in taken:
+            raise ConfigurationError(f'{label} is {taken[name]}: choose another name')
+    return names
+
+
+def _parameters() -> dict[str, str]:
+    """Returns the names of all parameters and groups, as `taken` of `linkage_names`."""
+    kinds = (MechanismAndDrive, Session, *MECHANISMS.values(), *DRIVES.values())
+    parts = {leaf.name.partition('.')[0] for kind in kinds for leaf in leaves(kind)}
+    groups = ('loads', 'points', 'dyads', 'joints', 'drawing')
+    return dict.fromkeys((*parts, *groups, 'use_sim_time', 'qos_overrides'), 'a parameter')
+
+
+def _topics(values: Values) -> dict[str, str]:
+    """Returns the first parts of the names of all topics, as `taken` of `linkage_names`."""
+    every = [x.name for x in vars(topics).values() if isinstance(x, topics.Topic)]
+    every += [
+        str(value) for name, value in values.items()
+        if name.rpartition('.')[2].endswith(('command_topic', 'wrench_topic'))
+    ]  # fmt: skip
+    firsts = {name.lstrip('/').partition('/')[0]: name for name in every}
+    return {first: f'the beginning of the topic {name}' for first, name in firsts.items()}
+
+
+def split(values: Values, names: Sequence[str]) -> tuple[Values, dict[str, Values]]:
+    """Splits parameters into those at the top and those below the name of each linkage.
+
+    Raises:
+        ConfigurationError: A linkage has a parameter of the run.
+    """
+    top, own = dict[str, object](), {name: dict[str, object]() for name in names}
+    for full, value in values.items():
+        first, _, rest = full.partition('.')
+        if rest and first in own:
+            own[first][rest] = value
+        elif full != LINKAGES:
+            top[full] = value
+    for name, given in own.items():
+        for parameter in given:
+            if parameter in OF_THE_RUN:
+                raise ConfigurationError(
+                    f'{name}.{parameter}: {parameter} is of the whole run; give it at the top'
+                )
+    return top, dict[str, Values](own)
+
+
+def shared_by_all(
+    every: Mapping[str, Values], top: Iterable[str], own: Mapping[str, Iterable[str]]
+) -> tuple[Values, dict[str, frozenset[str]]]:
+    """Finds which values stand at the top: those given there, and equal defaults of all linkages.
+
+    Args:
+        every: All values of each linkage, by its name.
+        top: Names that are given at the top.
+        own: Names that are given below the name of each linkage.
+
+    Returns:
+        The values at the top, and the names that must stand below the name of each linkage.
+    """
+    given, shared = {*top}, dict[str, object]({LINKAGES: tuple(every)})
+    first, *others = every.values()
+    for name in first:
+        if not all(name in values for values in others):
+            continue
+        followers = [every[x][name] for x in every if name not in own[x]]
+        is_default = len(followers) == len(every) and all(x == first[name] for x in followers)
+        if followers and (name in given or is_default):
+            shared[name] = followers[0]
+    below = {
+        linkage: frozenset(
+            name for name, value in values.items()
+            if name in own[linkage] or name not in shared or shared[name] != value
+        )
+        for linkage, values in every.items()
+    }  # fmt: skip
+    return shared, below

@@ -1,0 +1,207 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Several linkages in one live node: subsets in messages, and the end of one of them."""
+
+import json
+import math
+
+import pytest
+from rclpy.serialization import deserialize_message
+from ros_harness import (
+    SteppedClock,
+    assert_refused,
+    finished,
+    logged,
+    node_arguments,
+    stop,
+    verified,
+    wait_for,
+    watched,
+)
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from test_crank_commands import trajectory
+from test_node_parameters import set_parameter
+from test_several_linkages import CASES, FOLLOWERS, LEGS
+from trajectory_msgs.msg import JointTrajectory
+
+from linkage_ros.log.reader import LogReader
+from linkage_ros.programs.log_commands import info
+from linkage_ros.settings.parameters import OF_THE_RUN
+
+STATES, EFFORTS, PLANNED = '/joint_states', '/efforts', '/planned'
+TYPES = {
+    STATES: 'sensor_msgs/msg/JointState', EFFORTS: 'std_msgs/msg/Float64MultiArray',
+    PLANNED: 'trajectory_msgs/msg/JointTrajectory',
+}  # fmt: skip
+MS = 1_000_000
+
+
+def arguments_of(folder, values, **more):
+    """Writes a parameter file; returns arguments of a node on simulated time."""
+    path, values = folder / 'robot.yaml', {k: v for k, v in values.items() if v is not None}
+    path.write_text(json.dumps({'/**': {'ros__parameters': {**values, **more}}}))
+    return ['--ros-args', '--params-file', path]
+
+
+def joints_in(data):
+    return deserialize_message(data, JointState).name
+
+
+def motions_in(path):
+    """Counts the segments in a log that is being written."""
+    return path.read_bytes().count(b'linkage_ros/motion')
+
+
+def efforts_in(data):
+    return list(deserialize_message(data, Float64MultiArray).data)
+
+
+def test_laws_end_one_after_the_other_and_trajectories_name_any_cranks(tmp_path):
+    """The left law ends while its crank moves; the others continue, along new trajectories."""
+    log = tmp_path / 'run.mcap'
+    values = {**LEGS, 'linkages': ['left', 'right', 'far'], 'rate_hz': 100.0,
+              'far.motion.speeds': [0.0, 0.0], 'trajectory_command_topic': 'planned',
+              'trajectory_horizon': 0.02, 'log': str(log), 'use_sim_time': True}  # fmt: skip
+    with watched(TYPES, *arguments_of(tmp_path, values)) as (listener, node):
+        publisher = listener.node.create_publisher(JointTrajectory, '/crank_trajectory', 10)
+        wait_for(publisher.get_subscription_count)
+        clock, states = SteppedClock(listener, 10 * MS), listener.received[STATES]
+        for _ in range(20):
+            clock.step()
+        assert {x.partition('_')[0] for x in joints_in(states[-1])} == {'right', 'far'}
+        both = trajectory((0.1, 0.2), (0.2, 0.3), names=('far_crank', 'right_crank'))
+        for n, point in enumerate(both.points):
+            point.positions = [0.4 + n, 0.2 + n]
+        publisher.publish(both)
+        publisher.publish(trajectory((0.1, 0.7), names=('right_crank', 'left_coupler')))
+        wait_for(lambda: clock.step() or motions_in(log) == 5)
+        for _ in range(30):
+            clock.step()
+        publisher.publish(trajectory((0.1, 2.0), names=('right_crank',)))
+        wait_for(lambda: clock.step() or motions_in(log) == 6)
+        for _ in range(30):
+            clock.step()
+        output = stop(node, code=1)
+        wait_for(lambda: all(listener.received[x] for x in TYPES))
+    assert 'left: the motion ends 0.1 s after the start of its law' in output
+    assert 'the other linkages continue' in output
+    assert output.rstrip().endswith('; ended early: left')
+    verified(log)
+    reader, messages = logged(log)
+    assert [len(reader.motions[name]) for name in ('left', 'right', 'far')] == [1, 3, 2]
+    last = deserialize_message(messages[STATES][-1].data, JointState)
+    place = dict(zip(last.name, last.position, strict=True))
+    assert (place['right_crank'], place['far_crank']) == pytest.approx((2.0, 1.4))
+    efforts = [efforts_in(message.data) for message in messages[EFFORTS]]
+    ended = len(messages['/left/driving_torque'])
+    assert ended == 11
+    assert all(math.copysign(left, 1) > 0 for left, _, _ in efforts[:ended])
+    assert {left for left, _, _ in efforts[ended:]} == {0.0}
+    assert efforts[-1] == [0.0, 0.0, 0.0]  # the end of the node
+    assert all(all(row[1:]) for row in efforts[:-1])
+    (zero,) = reader.torque_ends
+    assert (zero.linkage, zero.cause) == ('', 'SIGINT')
+    planned = [deserialize_message(x.data, JointTrajectory) for x in messages[PLANNED]]
+    assert {tuple(one.joint_names) for one in planned} == {
+        ('left_crank', 'right_crank', 'far_crank')
+    }
+    assert [point.effort[0] for point in planned[-2].points] == [0.0] * len(planned[-2].points)
+    assert planned[-2].points[0].positions[0] == pytest.approx(0.1, abs=0.02)
+    assert planned[-1].points[0].effort.tolist() == [0.0, 0.0, 0.0]
+    (line,) = [line for line in info(reader) if 'left ends' in line]
+    assert 'where the speed is still 2 rad/s' in line
+
+
+def test_commands_name_any_cranks_and_a_plant_that_ends_leaves_the_others_alone(tmp_path):
+    """The gas stops the pump; a command for two cranks moves the other."""
+    log, names = tmp_path / 'run.mcap', {'wheel': 'quadrilateral', 'pump': 'compressor',
+                                         'arm': 'shaper'}  # fmt: skip
+    values = {'linkages': [*names], 'drive': 'torque', 'rate_hz': 100.0, 'torque_limit': 5.0,
+              'command_timeout': 10.0, 'log': str(log), 'use_sim_time': True}  # fmt: skip
+    for name, preset in names.items():
+        parts = {x: y for x, y in CASES['torque'][preset].items() if x not in OF_THE_RUN}
+        parts |= {'motor.torque': 0.0, 'motor.damping': 1.0, 'start_rpm': 0.0}
+        if name == 'pump':
+            parts |= {'motor.torque': 3.0, 'motor.damping': 0.5, 'start_rpm': 20.0}
+        values |= {f'{name}.{x}': y for x, y in parts.items() if y is not None}
+    with watched(TYPES, *arguments_of(tmp_path, values)) as (listener, node):
+        publisher = listener.node.create_publisher(JointState, '/joint_commands', 10)
+        wait_for(publisher.get_subscription_count)
+        clock, states = SteppedClock(listener, 10 * MS), listener.received[STATES]
+        clock.pass_until(lambda: states and not any('pump' in x for x in joints_in(states[-1])))
+        publisher.publish(JointState(name=['arm_crank', 'pump_crank'], effort=[2.0, 1.0]))
+        publisher.publish(JointState(name=['arm_crank', 'nobody'], effort=[math.nan, 1.0]))
+
+        def effort_of(joint):
+            last = deserialize_message(states[-1], JointState)
+            return dict(zip(last.name, last.effort, strict=True))[joint]
+
+        clock.pass_until(lambda: effort_of('arm_crank') > 1.0)
+        assert abs(effort_of('wheel_crank')) < 1.0
+        output = stop(node, code=1)
+    assert output.rstrip().endswith('; ended early: pump')
+    assert 'arm: effort nan: must be a finite number' in output
+    report = verified(log)
+    assert report.states == len(logged(log)[1][STATES])
+
+
+def test_speed_is_set_at_the_top_or_of_one_linkage(tmp_path):
+    log = tmp_path / 'run.mcap'
+    own = {k: v for k, v in LEGS.items() if 'motion' not in k}
+    values = {**own, 'linkages': ['left', 'right', 'far'], 'drive': 'speed', 'rpm': 60.0,
+              'far.rpm': 30.0, 'log': str(log)}  # fmt: skip
+    with watched(TYPES, *arguments_of(tmp_path, values)) as (listener, node):
+        listener.await_more(5)
+        for name, rpm in (('rpm', 90.0), ('left.rpm', 10.0), ('rpm', 120.0)):
+            assert set_parameter(listener, name, type=3, double_value=rpm).successful
+            listener.await_more(5)
+        assert not set_parameter(
+            listener, 'left.crank.length', type=3, double_value=1.0
+        ).successful
+        stop(node)
+    speeds = {name: [x.rpm for x in found] for name, found in LogReader(log).motions.items()}
+    assert speeds == {
+        'left': [60.0, 90.0, 10.0], 'right': [60.0, 90.0, 120.0], 'far': [30.0],
+    }  # fmt: skip
+    verified(log)
+
+
+def test_measurements_that_stop_for_one_crank_end_its_torque_alone(tmp_path):
+    log = tmp_path / 'run.mcap'
+    values = {'linkages': ['leg', 'arm'], 'drive': 'follow', 'effort_command_topic': 'efforts',
+              'measurement_timeout': 0.2, 'log': str(log),
+              **{f'{name}.{x}': y for name in ('leg', 'arm')
+                 for x, y in FOLLOWERS[name].items()}}  # fmt: skip
+    with watched(TYPES, *arguments_of(tmp_path, values)) as (listener, node):
+        publisher = listener.node.create_publisher(JointState, '/measured_joint_states', 10)
+        wait_for(publisher.get_subscription_count)
+        efforts, states, n = listener.received[EFFORTS], listener.received[STATES], 0
+
+        def measure(*joints):
+            nonlocal n
+            n += 1
+            message = JointState(name=[*joints], position=[0.3 + 1e-4 * n] * len(joints))
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(n * MS, 10**9)
+            publisher.publish(message)
+
+        wait_for(lambda: measure('arm_crank', 'hip', 'leg_crank') or len(states) > 20)
+        assert all(efforts_in(efforts[-1]))
+        wait_for(lambda: measure('hip', 'arm_crank') or efforts_in(efforts[-1])[0] == 0.0)
+        assert efforts_in(efforts[-1])[1]
+        assert not any('leg' in joint for joint in joints_in(states[-1]))
+        output = stop(node)
+    assert 'leg: no measurement of leg_crank on /measured_joint_states' in output
+    report, reader = verified(log), LogReader(log)
+    assert report.states == len(logged(log)[1][STATES])
+    assert reader.torque_ends[0].linkage == 'leg'
+    assert reader.torque_ends[-1].linkage == ''
+
+
+def test_a_linkage_that_cannot_run_live_is_refused_by_its_name(tmp_path):
+    own = {k: v for k, v in LEGS.items() if 'motion' not in k and 'effort' not in k}
+    values = {**own, 'drive': 'torque', 'left.command_timeout': 1e-3, 'rate_hz': 10.0}
+    done = finished('node', *arguments_of(tmp_path, values))
+    assert_refused(done.returncode, done.stdout, done.stderr, 'left: command_timeout = 0.001 s')
+    done = finished('node', *node_arguments(linkages='[crank]'))
+    assert_refused(done.returncode, done.stdout, done.stderr, "'crank' is a parameter")
