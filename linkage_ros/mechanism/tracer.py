@@ -243,33 +243,38 @@ class Tape:
                 after the last use, so that the memory of an array can be reused.
             term: Expression for the value of a term; {} is the operation.
         """
-        lines, words, taken = self.lines, dict[int, str](), {line.text for line in self.lines}
+        lines, taken = self.lines, {line.text for line in self.lines}
         results = [x.line for x in leaves(self.result) if isinstance(x, Symbol)]
         uses = Counter([*results, *(x for i in self._live for x in lines[i].operands)])
-        last = {x: i for i in self._live for x in lines[i].operands}
-        last |= dict.fromkeys(results, len(lines))
-        free = (name for n in itertools.count(1) if (name := f't{n}') not in taken)
+        last_use = {x: i for i in self._live for x in lines[i].operands}
+        last_use |= dict.fromkeys(results, len(lines))
+        free_names = (name for n in itertools.count(1) if (name := f't{n}') not in taken)
+        words = dict[int, str]()  # name or expression of each line
         before, within = list[str](), list[str]()
         for i in self._live:
             operation, operands, text = lines[i]
-            # Guards stay in order, so that the same error is raised as by the formula.
-            is_inner = i in self._inner or operation == 'require'
-            read = [words[x] for x in operands]
-            if text:
+            if text:  # a constant, an argument or a literal
                 words[i] = text
                 continue
+            read = [words[x] for x in operands]
+            # Guards stay in order, so that the same error is raised as by the formula.
+            is_inner = i in self._inner or operation == 'require'
             if operation == 'require':
-                called = f'{read[1]}({", ".join(read[2:])})'
-                statement = guard.format(read[0], ', '.join(read[1:]), called)
+                condition, *refusal = read
+                refuse, *arguments = refusal
+                called = f'{refuse}({", ".join(arguments)})'
+                statement = guard.format(condition, ', '.join(refusal), called)
             else:
-                words[i] = expression = _expression(operation, read, for_arrays=for_arrays)
-                if is_inner and uses[i] == 1 and len(expression) < _LONG and not for_arrays:
+                expression = _expression(operation, read, for_arrays=for_arrays)
+                is_short = uses[i] == 1 and len(expression) < _LONG
+                if is_inner and is_short and not for_arrays:
+                    words[i] = expression  # written where it is used
                     continue
-                words[i] = next(free)
+                words[i] = name = next(free_names)
                 is_number = operation not in (*_COMPARISONS, 'call')
-                statement = f'{words[i]} = {term.format(expression) if is_number else expression}'
-            done = [words[x] for x in sorted({*operands} & self._inner) if last[x] == i]
-            end = f'; del {", ".join(done)}' if for_arrays and done else ''
+                statement = f'{name} = {term.format(expression) if is_number else expression}'
+            unused = [words[x] for x in sorted({*operands} & self._inner) if last_use[x] == i]
+            end = f'; del {", ".join(unused)}' if for_arrays and unused else ''
             (within if is_inner else before).append(statement + end)
         constants, inputs = (
             [line.text for line in lines if line.operation == kind]
