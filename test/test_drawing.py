@@ -637,6 +637,24 @@ def test_an_input_between_moving_links_is_refused():
         configure(given)
 
 
+def test_a_link_between_two_slides_of_the_frame_is_refused():
+    drawing = Drawing(
+        input='across', frame=['O'], pins={'O': (0, 0), 'A': (2, 0), 'B': (0, 1)},
+        links=[DrawnLink('bar', ['A', 'B']), DrawnLink('other', ['O', 'A'])],
+        slides=[DrawnSlide('across', (1, 0), 'A'), DrawnSlide('up', (0, 1), 'B')],
+    )  # fmt: skip
+    with pytest.raises(ConfigurationError, match='bar joins the slides across and up'):
+        drawing.mechanism()
+
+
+def test_a_law_out_of_reach_is_refused_with_the_drawn_position():
+    given = {**values(), **SLIDING, 'motion.center': 7.0}
+    given = {name: value for name, value in given.items() if value is not LEFT_OUT}
+    words = r'ram of this .* cannot move at 7 m: .*; as drawn, ram is at 0.12 m'
+    with pytest.raises(ConfigurationError, match=words):
+        configure(given)
+
+
 def test_a_limited_input_is_named():
     with pytest.raises(
         ConfigurationError, match=r'lever of this .*: bar \+ arm - frame - lever .* shorten lever'

@@ -631,6 +631,15 @@ class Conversion:
                 f'{what}: both of its ends are on moving links; what drives must be held by a '
                 'fixed pin, so add one of its pins to drawing.frame, or choose another input'
             )
+        if driven.on == FRAME_NAME:
+            for other in (x for pin in driven.pins for x in self.at_pin(pin, driven)):
+                ends = [x for pin in other.pins for x in self.at_pin(pin, driven, other)]
+                if second := next((x.name for x in ends if x.on == FRAME_NAME), ''):
+                    return (
+                        f'{other.name} joins the slides {driven.name} and {second}: two slides on '
+                        f'the frame are not supported; a long link instead of {second}, on a pin '
+                        'of the frame far away, comes near its motion'
+                    )
         for pin, other in self.pinned_to(driven):
             if tied := self.pivots(other, *fixed):
                 return (

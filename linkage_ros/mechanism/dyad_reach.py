@@ -60,7 +60,8 @@ def reach_of(mechanism: Any) -> Reach | None:
     """
     reach: Reach | None = mechanism.reach()
     if reach is not None and mechanism.drawn:
-        reach = reach.renamed(mechanism.drawn.links[0], mechanism.in_own_names)
+        driven = mechanism.structure().driven_link.name
+        reach = reach.renamed(driven, mechanism.in_own_names)
     if reach is None or not mechanism.dyads:
         return reach
     loop, dyads = mechanism.chain()

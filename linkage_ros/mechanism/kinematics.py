@@ -150,7 +150,7 @@ class Reach(NamedTuple):
         fast: Crank angle, rad. Near this angle and half a turn away, the output may move fast.
         width: Half-width of these two regions, rad; inf if there are none.
         driven: What is driven: 'crank', 'cylinder' or 'slider'.
-        name: Name of the crank in a drawing; empty without one.
+        name: Name of the driven link in a drawing; empty without one.
     """
 
     grashof: str
@@ -169,10 +169,10 @@ class Reach(NamedTuple):
     @property
     def subject(self) -> str:
         """What is driven, in a sentence."""
-        return f'the {self.driven}' if self.slides or not self.name else self.name
+        return self.name or f'the {self.driven}'
 
     def renamed(self, name: str, words: Callable[[str], str]) -> 'Reach':
-        """Returns the reach with the names of a drawing: that of the crank, and in reasons."""
+        """Returns the reach with the names of a drawing: of the driven link, and in reasons."""
         return self._replace(
             name=name, limits=tuple(map(words, self.limits)), cures=tuple(map(words, self.cures)),
             equalities=tuple(map(words, self.equalities)),
@@ -205,7 +205,7 @@ class Reach(NamedTuple):
         """
         if self.slides:
             raise MechanismError(
-                f'the {self.driven} is driven, and its stroke has ends: this is for a crank that '
+                f'{self.subject} is driven, and its stroke has ends: this is for a crank that '
                 f'turns fully{otherwise}'
             )
         if not self.turns_fully:

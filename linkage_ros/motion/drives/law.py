@@ -24,7 +24,7 @@ from linkage_ros.motion.inputs import Input
 from linkage_ros.motion.law import Law, Sine
 from linkage_ros.motion.spline import interpolated
 from linkage_ros.quantities import Checked, quantity, refuse_angles, shown
-from linkage_ros.units import NS_PER_S
+from linkage_ros.units import NS_PER_S, place_words
 
 _ANGLES, _SPEEDS, _ACCELERATIONS = (-1e6, 1e6), (-1e9, 1e9), (-1e12, 1e12)
 # Lists by the quantities of columns.
@@ -281,7 +281,11 @@ class LawDrive(TrajectoryFeedForward):
         try:
             require_possible(self.law(joint), solver)
         except ConfigurationError as error:
-            raise ConfigurationError(f'motion: {error}') from error
+            drawn = ''
+            if mechanism.drawn:
+                place = place_words(mechanism.drawn.position, joint.units)
+                drawn = f'; as drawn, {joint.name} is at {place}'
+            raise ConfigurationError(f'motion: {error}{drawn}') from error
 
     def begin(self, stamp: int, machine: Machine) -> LawMotion:
         """Starts the motion; see `Drive.begin`."""
