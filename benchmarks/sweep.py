@@ -40,10 +40,11 @@ def seconds(python, path):
     """Returns the processor time of a sweep, s."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     command = [python, '-m', 'linkage_lab.command_line', 'sweep', path, '--workers', '1']
-    subprocess.run(
-        [*command, '--out', path.parent], check=True, stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL, cwd=path.parent, env=os.environ | {'OMP_NUM_THREADS': '1'},
-    )  # fmt: skip
+    with tempfile.TemporaryDirectory(dir=path.parent) as out:
+        subprocess.run(
+            [*command, '--out', out], check=True, stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL, cwd=path.parent, env=os.environ | {'OMP_NUM_THREADS': '1'},
+        )  # fmt: skip
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
