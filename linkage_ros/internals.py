@@ -29,7 +29,13 @@ from linkage_ros.motion.steps import live_steps, record_steps
 from linkage_ros.motion.under_torque import Motor, published
 from linkage_ros.numeric import without_turns, wrap
 from linkage_ros.run.states import Simulator
-from linkage_ros.settings.configuration import Configuration, Linkage, configuration_of, configure
+from linkage_ros.settings.configuration import (
+    Configuration,
+    Linkage,
+    configuration_of,
+    configure,
+    read_values,
+)
 from linkage_ros.settings.notes import notes_on
 from linkage_ros.settings.old_names import new_name
 from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
@@ -78,6 +84,7 @@ __all__ = [
     'published',
     'reach_of',
     'reactions',
+    'read_values',
     'read_xml',
     'read_yaml',
     'record_steps',

@@ -755,6 +755,37 @@ def test_files_are_kept(called, tmp_path):
     assert path.read_text() == LEG
 
 
+def test_legs_are_appended_to_one_file_as_linkages_of_one_node(called, run, tmp_path):
+    alone, _ = run(LEG, *CLOSE)
+    out, model = tmp_path / 'robot.yaml', tmp_path / 'leg.urdf'
+    for name in ('left', 'right'):
+        own = [word.replace('knee_motor', f'{name}_motor') for word in CLOSE]
+        legs = re.sub('joint name="', f'joint name="{name}_', LEG)
+        model.write_text(legs.replace(f'{name}_knee_motor', f'{name}_motor'))
+        code, printed, error = called(import_tool, model, *own, '-o', out, '--linkage', name)
+        assert code == 0, error
+        assert f'motion {out} --linkage {name}' in printed
+        if name == 'left':
+            out.write_text(out.read_text() + '    # my own words\n')
+    assert '# my own words' in out.read_text()
+    robot = load(str(out))
+    assert [linkage.name for linkage in robot.linkages] == ['left', 'right']
+    for linkage in robot.linkages:
+        assert linkage.drive.is_measured
+        found = flatten(linkage.mechanism)
+        assert all(found[x] == alone[x] for x in found if x.endswith(('length', 'mass', 'center')))
+        assert linkage.crank_joint == f'{linkage.name}_motor'
+        assert linkage.session.plane.link == robot.session.plane.link
+    before = out.read_bytes()
+    rest = (*own, '-o', out, '--linkage')
+    assert_refused(*called(import_tool, model, *rest, 'right'), 'named twice')
+    assert_refused(*called(import_tool, model, *rest, 'third'), "each have a joint 'right_")
+    assert_refused(*called(import_tool, model, *rest, 'crank'), "'crank' is a parameter")
+    other = tmp_path / 'leg.yaml'  # of a linkage without a name
+    assert_refused(*called(import_tool, model, *own, '-o', other, '--linkage', 'a'), 'leg.yaml')
+    assert out.read_bytes() == before
+
+
 def test_rounded_axis_is_taken_as_parallel_with_a_note(run):
     exact, printed = run(LEG, *CLOSE)
     assert ' off, but is taken as exact' not in printed

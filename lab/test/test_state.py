@@ -3,6 +3,7 @@
 """linkage_chart state: motion and forces at one position, for every assembly."""
 
 import csv
+import json
 import math
 
 import pytest
@@ -112,3 +113,27 @@ def test_option_for_another_joint_is_refused(preset, words, monkeypatch, capsys)
     monkeypatch.setattr('sys.argv', ['linkage_chart', 'state', preset, *words.split()])
     assert command_line.main() == 2
     assert words.split()[0] in capsys.readouterr().err
+
+
+def test_a_linkage_of_several_is_chosen_by_its_name(called, tmp_path):
+    norton, file = {**NORTON, 'rpm': 30.0}, tmp_path / 'two.yaml'
+    both = {'linkages': ['left', 'right'], **norton, 'left.crank.length': 1.5}
+    alone = {'both': both, 'left': {**norton, 'crank.length': 1.5}, 'right': norton}
+    printed = {}
+    for name, values in alone.items():
+        file.write_text(json.dumps({'/**': {'ros__parameters': values}}))
+        if name != 'both':
+            printed[name] = called(command_line, 'state', file, '--at', '0.5')
+            continue
+        for linkage in ('left', 'right', '', 'middle'):
+            choice = ('--linkage', linkage) if linkage else ()
+            printed[f'{name} {linkage}'] = called(
+                command_line, 'state', file, '--at', '0.5', *choice
+            )
+    for name in ('left', 'right'):
+        assert printed[f'both {name}'] == printed[name]
+        assert printed[name][0] == 0
+    assert printed['left'] != printed['right']
+    for name in ('both ', 'both middle'):
+        code, _, error = printed[name]
+        assert (code, 'left, right' in error) == (2, True)

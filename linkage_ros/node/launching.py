@@ -29,6 +29,7 @@ from linkage_ros.settings.parameters import (
     MechanismAndDrive,
     parameter_leaves,
 )
+from linkage_ros.settings.plane import Plane
 from linkage_ros.settings.yaml_file import read_scalar
 from linkage_ros.xml_file import read_xml
 
@@ -133,11 +134,16 @@ def follow(arguments: Mapping[str, str]) -> tuple[Values, Values]:
     Parameters of the file that do not apply to a measured crank are left out, because a preset
     defines the motion of its crank.
     """
+    return _described(_followed(arguments), arguments)
+
+
+def _followed(arguments: Mapping[str, str]) -> Values:
+    """Returns the parameters of a node that follows measured cranks."""
     names = (
         'follow_bandwidth', 'effort_command_topic', 'lead_time', 'measurement_timeout',
         'crank_joint', 'frame_id', *_COMMON,
     )  # fmt: skip
-    return _linkage({**_with_drive('follow', arguments), **given(arguments, names)}, arguments)
+    return {**_with_drive('follow', arguments), **given(arguments, names)}
 
 
 def plant(arguments: Mapping[str, str]) -> Values:
@@ -178,7 +184,7 @@ def robot(arguments: Mapping[str, str]) -> tuple[Values, list[Any]]:
     Raises:
         ConfigurationError: The URDF, the file or a value cannot be used.
     """
-    values, publisher = follow(arguments)
+    values, publisher = _linkage(_followed(arguments), arguments)
     linkages = configure(values).linkages
     joints = [joint.name for x in linkages for joint in x.robot_joints if joint.name]
     cranks = [x.robot_joints[x.mechanism.structure().driven].name for x in linkages]
@@ -216,18 +222,22 @@ def robot(arguments: Mapping[str, str]) -> tuple[Values, list[Any]]:
 
 
 def frame_publisher(arguments: Mapping[str, str], values: Mapping[str, object]) -> list[Any]:
-    """Returns an action that publishes where the frame of a linkage is on a robot.
+    """Returns actions that publish where the frame of each linkage is on a robot.
 
     Args:
         arguments: All arguments of the launch file.
         values: Parameters of linkage_node.
 
     Returns:
-        The action; nothing if the parameters have no plane.
+        The actions; nothing if the parameters have no plane.
     """
-    plane = configure(values).session.plane
-    if plane is None:
-        return []
+    sessions = [linkage.session for linkage in configure(values).linkages]
+    planes = {session.frame_id: session.plane for session in sessions if session.plane}
+    return [_frame_publisher(arguments, frame, plane) for frame, plane in planes.items()]
+
+
+def _frame_publisher(arguments: Mapping[str, str], frame_id: str, plane: Plane) -> Any:
+    """Returns an action that publishes where a frame is in a link of the robot."""
     turn = Rotation.from_matrix(plane.axes()).as_quat()
     numbers = zip(('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw'), (*plane.origin, *turn), strict=True)
     options = [word for name, value in numbers for word in (f'--{name}', repr(float(value)))]
@@ -236,9 +246,9 @@ def frame_publisher(arguments: Mapping[str, str], values: Mapping[str, object]) 
         arguments,
         package='tf2_ros',
         executable='static_transform_publisher',
-        arguments=[*frames, '--child-frame-id', str(values['frame_id']), *options],
+        arguments=[*frames, '--child-frame-id', frame_id, *options],
     )
-    return [where_installed('tf2_ros', f'place of {values["frame_id"]} in tf', publisher)]
+    return where_installed('tf2_ros', f'place of {frame_id} in tf', publisher)
 
 
 def demo(arguments: Mapping[str, str]) -> tuple[Values, Values]:
@@ -257,7 +267,7 @@ def demo(arguments: Mapping[str, str]) -> tuple[Values, Values]:
         ConfigurationError: The file or a value cannot be used.
     """
     file = read_values(arguments['params'], arguments['namespace'])
-    return _linkage({**file, **given(arguments, ('rpm', *_COMMON))}, arguments)
+    return _described({**file, **given(arguments, ('rpm', *_COMMON))}, arguments)
 
 
 def side_by_side(names: Sequence[str], arguments: Mapping[str, str]) -> tuple[Values, Values]:
@@ -273,22 +283,35 @@ def side_by_side(names: Sequence[str], arguments: Mapping[str, str]) -> tuple[Va
         for name, value in read_values(arguments[linkage], arguments['namespace']).items():
             if name not in over:
                 values[name if name in OF_THE_RUN else f'{linkage}.{name}'] = value
-    return _linkage({**values, **over}, arguments)
+    return _described({**values, **over}, arguments)
 
 
 def _linkage(values: Values, arguments: Mapping[str, str]) -> tuple[Values, Values]:
+    """Returns parameters with tf's names of frames, and some of robot_state_publisher."""
     linkages, prefix = configure(values).linkages, arguments['frame_prefix']
-    descriptions = [
-        make_urdf(x.mechanism, x.session.joint_prefix, x.session.frame_id) for x in linkages
-    ]
     publisher = {
-        'robot_description': merged_urdf(descriptions),
         'frame_prefix': prefix,
         'publish_frequency': _TF_RATE,
         'use_sim_time': values.get('use_sim_time', False),
     }
     frames = {f'{prefix_of(x.name, ".")}frame_id': prefix + x.session.frame_id for x in linkages}
     return {**values, **frames}, publisher
+
+
+def _described(values: Values, arguments: Mapping[str, str]) -> tuple[Values, Values]:
+    """Returns the same as `_linkage`, with the linkages' own robot_description.
+
+    Raises:
+        ConfigurationError: Their fixed pivots are on different links.
+    """
+    found, publisher = _linkage(values, arguments)
+    description = merged_urdf(
+        [
+            make_urdf(x.mechanism, x.session.joint_prefix, x.session.frame_id)
+            for x in configure(values).linkages
+        ]
+    )
+    return found, {'robot_description': description, **publisher}
 
 
 def program(

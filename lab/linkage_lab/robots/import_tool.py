@@ -7,7 +7,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -28,12 +28,14 @@ from linkage_ros.internals import (
     is_same_file,
     notes_on,
     printable,
+    read_values,
     read_xml,
 )
 from linkage_ros.quantities import shown
 
 _NAME = 'linkage_import'
 _MOST = 5000  # links, joints, and frames
+_LIST = '    linkages: ['  # beginning of the line with the names of several linkages
 _LAYER = 1e-9  # m, distance along the normal that is worth a line
 
 
@@ -84,33 +86,72 @@ def parameter_text(found: RobotDrawing, source: str) -> str:
     Returns:
         The YAML text.
     """
+    return _file(source, _lines(_tree({'drive': 'follow', **file_values(found)}), '    '))
+
+
+def appended_text(found: RobotDrawing, source: str, linkage: str, text: str) -> str:
+    """Appends the linkage of a robot to a parameter file of several linkages.
+
+    Args:
+        found: The linkage.
+        source: Name of the model, for the comment.
+        linkage: Name of the linkage.
+        text: The file, whose linkages this program has written; empty for a new one.
+
+    Returns:
+        The YAML text.
+
+    Raises:
+        ConfigurationError: The text has no list of linkages, or has this one.
+    """
+    text = text or _file(source, (f'{_LIST}]', '    drive: follow'))
+    listed = re.search(rf'^{re.escape(_LIST)}(.*)\]$', text, re.MULTILINE)
+    if listed is None:
+        raise ConfigurationError(
+            f'it has no line {_LIST.strip()}...], as files of {_NAME} --linkage have; choose '
+            'another file'
+        )
+    names = [name for name in listed[1].split(', ') if name]
+    if linkage in names:
+        raise ConfigurationError(f'it has a linkage {linkage}: choose another name, or remove it')
+    whole = f'{_LIST}{", ".join([*names, linkage])}]'
+    group = [f'    {linkage}:', *_lines(_tree(file_values(found)), '      ')]
+    return '\n'.join((text.replace(listed[0], whole).rstrip(), *group, ''))
+
+
+def file_values(found: RobotDrawing) -> dict[str, object]:
+    """Returns the parameters of the linkage of a robot, by name, without those of the run."""
     frame = found.bodies[FRAME][0]
     # The plane is a frame of its own: traced points are in its axes, not in those of the link.
     frame_id = re.sub('[^A-Za-z0-9_./-]', '_', f'{frame}_plane')
     origin, x, y, _ = ((axis + 0.0).tolist() for axis in found.axes)
     values = {
         'mechanism': 'drawing',
-        'drive': 'follow',
         'frame_id': frame_id,
         'plane.link': frame,
         'plane.origin': origin,
         'plane.x': x,
         'plane.y': y,
     }
+    return values | found.parameters
+
+
+def _tree(values: Mapping[str, object]) -> dict[str, Any]:
+    """Returns values by dotted name as nested groups."""
     tree: dict[str, Any] = {}
-    for name, value in (values | found.parameters).items():
+    for name, value in values.items():
         *groups, last = name.split('.')
         at = tree
         for group in groups:
             at = at.setdefault(group, {})
         at[last] = value
-    lines = [
-        f'# Written by {_NAME} from {printable(source)}.',
-        '/**:',
-        '  ros__parameters:',
-        *_lines(tree, '    '),
-    ]
-    return '\n'.join(lines) + '\n'
+    return tree
+
+
+def _file(source: str, lines: Iterable[str]) -> str:
+    """Returns a parameter file with these lines."""
+    head = f'# Written by {_NAME} from {printable(source)}.'
+    return '\n'.join((head, '/**:', '  ros__parameters:', *lines, ''))
 
 
 def _lines(tree: Mapping[str, Any], indent: str) -> Iterator[str]:
@@ -195,7 +236,8 @@ def import_robot(options: argparse.Namespace) -> None:
         raise ConfigurationError('--weld needs --close TIP_LINK PIN_LINK')
     if is_same_file(str(options.out), str(options.robot)):
         raise ConfigurationError(f'{options.out} is the model and is kept: choose another name')
-    new_file(options, options.out)
+    if not options.linkage:
+        new_file(options, options.out)
     robot = read_robot(options.robot)
     request = Request(
         crank=options.crank, close=[(tip, pin) for tip, pin in options.close],
@@ -205,16 +247,37 @@ def import_robot(options: argparse.Namespace) -> None:
     )  # fmt: skip
     try:
         found = draw_robot(robot, request)
-        configuration = configure({'drive': 'follow', **found.parameters})
+        linkage = configure({'drive': 'follow', **found.parameters}).only
     except ConfigurationError as error:
         raise ConfigurationError(f'{options.robot}: {error}') from error
-    save_text(options.out, parameter_text(found, options.robot.name))
-    cli.print_notes([*found.notes, *notes_on(configuration.only)])
+    save_text(options.out, _text(options, found))
+    cli.print_notes([*found.notes, *notes_on(linkage)])
     if str(options.out) == STANDARD_OUTPUT:
         return
-    print(summary(found, configuration.only.mechanism_words))
+    print(summary(found, linkage.mechanism_words))
     speed = ' --rpm 30' if Solver(found.mechanism).reach.turns_fully else ''
-    print(f'{options.out}; linkage_chart motion {options.out}{speed} shows it')
+    of_one = f' --linkage {options.linkage}' * bool(options.linkage)
+    print(f'{options.out}; linkage_chart motion {options.out}{of_one}{speed} shows it')
+
+
+def _text(options: argparse.Namespace, found: RobotDrawing) -> str:
+    """Returns the parameter file to write.
+
+    Raises:
+        ConfigurationError: The linkage does not fit to those of an existing file.
+    """
+    source, out = options.robot.name, options.out
+    if not options.linkage:
+        return parameter_text(found, source)
+    try:
+        before = read_values(str(out)) if out.exists() else {}
+        names = [*before.get('linkages', ()), options.linkage]  # type: ignore[misc]
+        own = {f'{options.linkage}.{name}': x for name, x in file_values(found).items()}
+        configure({'drive': 'follow', **before, 'linkages': names, **own})
+        text = out.read_text(encoding='utf-8') if out.exists() else ''
+        return appended_text(found, source, options.linkage, text)
+    except ConfigurationError as error:
+        raise ConfigurationError(f'{out}: {error}') from error
 
 
 def _joint_value(text: str) -> tuple[str, float]:
@@ -286,6 +349,10 @@ def _parser() -> argparse.ArgumentParser:
         (('-o',), None, {
             'dest': 'out', 'required': True, 'metavar': 'OUT.yaml', 'type': Path,
             'help': 'the file to write; - prints it',
+        }),
+        (('--linkage',), None, {
+            'metavar': 'NAME', 'default': '',
+            'help': 'append the linkage under this name to OUT.yaml, for several in one node',
         }),
         cli.OVERWRITE,
     ])  # fmt: skip
