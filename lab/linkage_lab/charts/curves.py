@@ -82,8 +82,16 @@ class Panel:
         return replace(self, curves=curves)
 
     def measured(self) -> list[Extent]:
-        """Finds the extreme values and the rms of its curves."""
-        return [extent(curve.period.x, curve.values) for curve in self.curves]
+        """Finds the extreme values and the rms of its curves, without rounding errors."""
+        found = [extent(curve.period.x, curve.values) for curve in self.curves]
+        least = NOISE * max(max(-x.low, x.high) for x in found)
+        return [
+            x._replace(
+                low=0.0 if abs(x.low) <= least else x.low,
+                high=0.0 if abs(x.high) <= least else x.high,
+            )
+            for x in found
+        ]
 
 
 def panels(period: Period, show: Collection[str]) -> list[Panel]:

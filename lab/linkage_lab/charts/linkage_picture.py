@@ -18,6 +18,7 @@ from linkage_ros.palette import DARK, GREY, Color, fractions
 
 # Margin around the drawing, relative to its size; and at least, for names, inches.
 _MARGIN, _NAMES = 0.08, 0.4
+_AS_FAR = 8.0  # a distance as bad as covering a point of a line, points
 _STEP = 4.0  # between the points of lines that names should not cover, points
 WIDE = 2.2  # a drawing with this ratio of width to height is above text or diagrams
 # A name's distances from its pin, points, and its directions relative to the preferred one, deg;
@@ -139,7 +140,7 @@ class LinkagePicture:
         """Finds places for names one after another.
 
         The page should not cut them off; they should cover no earlier name or pin, be within the
-        axes, and cover few lines, in this order.
+        axes, and be near and cover few lines, in this order.
 
         Args:
             anchors: Positions of what the names belong to, points, shape (n, 2).
@@ -155,6 +156,7 @@ class LinkagePicture:
         boxes = figure.bbox, axes.transformed(figure.transFigure)
         page, room = (self._points_per_pixel * box.get_points() for box in boxes)
         points = np.concatenate([np.empty((0, 2)), *(_dense(self.to_points(x)) for x in lines)])
+        far = np.repeat(distances, len(_TURNS)) / _AS_FAR
         chosen = []
         for anchor, way, size in zip(anchors, ways, sizes, strict=True):
             places, half = _places(way, distances), 0.5 * size + 1.0
@@ -162,7 +164,8 @@ class LinkagePicture:
             covers = (low[:, None] < self._taken[:, 1]) & (self._taken[:, 0] < high[:, None])
             is_on = (low[:, None] < points) & (points < high[:, None])
             is_cut, is_out = (((low < x[0]) | (x[1] < high)).any(axis=1) for x in (page, room))
-            costs = is_on.all(axis=2).sum(axis=1), is_out, covers.all(axis=2).sum(axis=1), is_cut
+            covered = is_on.all(axis=2).sum(axis=1)
+            costs = covered + far, is_out, covers.all(axis=2).sum(axis=1), is_cut
             best = np.lexsort(costs)[0]  # the first of the best ones
             self._taken = np.concatenate([self._taken, [[low[best], high[best]]]])
             chosen.append(places[best])

@@ -112,7 +112,9 @@ def motion(options: argparse.Namespace) -> None:
         rows = zip(*(values.tolist() for _, values in columns.values()), strict=True)
         save_csv(table, head, ([None if x != x else x for x in row] for row in rows))
         lines = [', '.join(title)]
-        remarks = [*title[1:], f'mean power {rounded(_mean_power(period))} W',
+        kind, about = designs[0].mechanism_words, title[1]
+        about = about if about.startswith(kind) else f'{kind}, {about}'  # as in the file's name
+        remarks = [about, *title[2:], f'mean power {rounded(_mean_power(period))} W',
                    f'shown at {_place(period)}']  # fmt: skip
     files = [*drawn.paths, table]
     if flywheel is not None:
