@@ -76,7 +76,7 @@ def show(thing: Thing, rpm: float | None) -> Shown:
     lines, source = '\n'.join(describe(sketched)), base64.b64encode(picture.getvalue()).decode()
     parts = [
         f'<img style="max-width: 100%" alt="sketch" src="data:image/png;base64,{source}">',
-        f'<pre>{html.escape(lines)}</pre>',
+        f'<pre style="white-space: pre-wrap">{html.escape(lines)}</pre>',
     ]
     try:
         motion = motion or _periodic(name, design, rpm)
