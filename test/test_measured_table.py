@@ -50,7 +50,7 @@ def test_table_is_answered_as_a_bag(tmp_path, values, head, row, column):
     rows = [*zip(TIMES, ANGLES, np.linspace(8.0, 9.0, len(TIMES)).tolist(), strict=True)]
     lines = [head, *(row(*each) for each in rows), f'{row(0.008, 2.0, 1.0)[:5]},x']
     (tmp_path / 'a.csv').write_text('\n'.join(lines))
-    joint = configuration.robot_joints[configuration.mechanism.structure().driven].name
+    joint = configuration.only.crank_joint
     template, messages = Template(joint_state([joint], '')), []
     for time, angle, speed in rows:
         stamp = round(time * 1e9)

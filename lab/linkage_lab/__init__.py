@@ -11,13 +11,14 @@ __version__ = '2.0.0'
 __all__ = ['show']
 
 
-def show(thing: 'Thing', rpm: float | None = None) -> 'Shown':
+def show(thing: 'Thing', rpm: float | None = None, linkage: str = '') -> 'Shown':
     """Shows a mechanism in a notebook: its sketch, a table, and the page on which it moves.
 
     Args:
         thing: A mechanism, a drawing, a `Solver`, or what `load` returns; a preset's name, or the
             path of a parameter file or of a log. A log is shown as it moved.
         rpm: Speed of a crank that turns fully, rpm; by default that of the file, or 60.
+        linkage: Name of the linkage, if the file or the log has several.
 
     Returns:
         An object that notebooks display; `str` gives its HTML.
@@ -27,4 +28,4 @@ def show(thing: 'Thing', rpm: float | None = None) -> 'Shown':
     """
     from linkage_lab import notebook  # needs Matplotlib
 
-    return notebook.show(thing, rpm)
+    return notebook.show(thing, rpm, linkage)

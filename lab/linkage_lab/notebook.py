@@ -58,13 +58,13 @@ class _Motion(NamedTuple):
     period: Period
 
 
-def show(thing: Thing, rpm: float | None) -> Shown:
+def show(thing: Thing, rpm: float | None, linkage: str = '') -> Shown:
     """See `linkage_lab.show`."""
     path = Path(thing) if isinstance(thing, (str, Path)) else None
     if path is not None and (path.suffix == '.mcap' or path.is_dir()):
-        design, motion = _logged(path)
+        design, motion = _logged(path, linkage)
     else:
-        design = _configured(thing, rpm)
+        design = _configured(thing, rpm, linkage)
         motion = None
     name = motion.name if motion else path.stem if path else type(design.mechanism).__name__
     sketched = sketch_of(design)
@@ -86,24 +86,24 @@ def show(thing: Thing, rpm: float | None) -> Shown:
     return Shown(f'{name}: {motion.words if motion else repr(design.mechanism)}', parts)
 
 
-def _configured(thing: Any, rpm: float | None) -> Linkage:
+def _configured(thing: Any, rpm: float | None, linkage: str) -> Linkage:
     if isinstance(thing, (str, Path)):
         thing = load(str(thing))
     if isinstance(thing, Configuration):
-        return thing.only
+        return thing.linkage(linkage)
     if isinstance(thing, Linkage):
         return thing
     made = thing.mechanism if isinstance(thing, Solver) else thing
     return configuration_of(made, _RPM if rpm is None else rpm)
 
 
-def _logged(path: Path) -> tuple[Linkage, _Motion]:
+def _logged(path: Path, linkage: str) -> tuple[Linkage, _Motion]:
     """Reads a log, up to the first step of its clock backwards.
 
     Raises:
         LogError: The log cannot be read.
     """
-    design, time, rows, torque = logged_states(path, _MOST)
+    design, time, rows, torque = logged_states(path, _MOST, linkage)
     count = int(np.append(np.diff(time) > 0, False).argmin()) + 1
     period = logged_period(design.mechanism, time[:count], rows[..., :count], torque[:count])
     words = f'{count} states of the log, {rounded(float(time[count - 1]))} s'

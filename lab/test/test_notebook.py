@@ -16,6 +16,7 @@ from ros_harness import finished
 from linkage_lab import show
 from linkage_ros import Drawing, DrawnLink, LinkageError, Solver, load, read_log
 from linkage_ros.programs.record import record
+from linkage_ros.settings.configuration import configure, read_values
 
 PINS = {'O': (0, 0), 'A': (30, 40), 'B': (120, 90), 'Q': (140, 0)}
 LINKS = {'arm': ('O', 'A'), 'rod': ('A', 'B'), 'lever': ('Q', 'B')}
@@ -62,6 +63,21 @@ def test_log_is_shown_as_it_moved(tmp_path, preset):
     assert shown == pytest.approx([effort.min(), effort.max()], rel=1e-3)
     speed = states[f'{driven}.velocity']
     assert found[f'{driven}.velocity'] == pytest.approx([speed.min(), speed.max()], rel=1e-3)
+
+
+def test_one_of_several_linkages_is_shown(tmp_path):
+    values = {'linkages': ['left', 'right']}
+    for name, preset in (('left', 'quadrilateral'), ('right', 'wiper')):
+        values |= {
+            f'{name}.{key}': x for key, x in read_values(preset).items() if key != 'rate_hz'
+        }
+    both, log = configure(values), tmp_path / 'run.mcap'
+    record(both, log, duration=0.5)
+    for thing in (both, log):
+        speeds = table(show(thing, linkage='right'))['crank.velocity']
+        assert speeds == pytest.approx([1.5 * np.pi] * 2, rel=1e-3)
+        with pytest.raises(LinkageError, match='left, right'):
+            show(thing)
 
 
 def test_mechanism_without_a_motion_is_shown_without_its_page():

@@ -89,7 +89,7 @@ def test_long_work_is_refused_before_it_begins(called, module, line, files):
 
 @pytest.mark.parametrize('line', ['sketch wiper', 'motion wiper'])
 def test_interrupted_picture_leaves_nothing(called, monkeypatch, line):
-    def stop(_, path):
+    def stop(_, path, **__):
         Path(path).write_bytes(b'half')
         raise KeyboardInterrupt
 

@@ -214,8 +214,11 @@ def logged_states(path: Path | str, most: int, linkage: str = '') -> LoggedState
     )
     driven = own.mechanism.structure().driven
     torque = columns[f'{names[driven]}.effort'][:most] * joints[driven].ratio
-    time = columns['t'][:most]
-    return LoggedStates(own, time - time[0], link_rows(joints, table), torque)
+    has_state = np.isfinite(table).all(axis=(0, 1))  # of several linkages, others may have one
+    time, torque = columns['t'][:most][has_state], torque[has_state]
+    if not time.size:
+        raise LogError(f'{path} has no states of {linkage or "the linkage"}')
+    return LoggedStates(own, time - time[0], link_rows(joints, table[..., has_state]), torque)
 
 
 def write_csv(

@@ -116,7 +116,7 @@ class Linkage:
         return {**own, **joint_values(self.joints)}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Configuration:
     """The complete configuration of a run.
 
@@ -130,6 +130,9 @@ class Configuration:
     linkages: tuple[Linkage, ...]
     shared: Mapping[str, object] = field(default_factory=dict)
     own: Mapping[str, frozenset[str]] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f'Configuration({", ".join(map(repr, self.linkages))})'
 
     @property
     def session(self) -> Session:
