@@ -24,6 +24,7 @@ _PARTS = 8  # least number of steps between two corners or jumps
 # over [-1, 1]. With six values, means of a machine with nearly singular positions change by 5e-9
 # if it is turned as a whole.
 _NEAR = 8
+_NEAR_SLOPE = 6  # the same for slopes, which more values make worse where friction bends them
 _GAUSS = np.polynomial.legendre.leggauss(_NEAR // 2)
 # A search for peaks: order of the Chebyshev polynomials, parts of an interval, rounds, relative
 # change at convergence, and most samples around which a function is searched.
@@ -277,15 +278,20 @@ def _tops(x: Array, values: Array) -> tuple[Any, Any]:
 
 
 class _Steps:
-    """A polynomial for each step between increasing places, through the `_NEAR` values around it.
+    """A polynomial for each step between increasing places, through some values around it.
 
     Attributes:
         around: Indices of the places around each step, shape (n - 1, k).
     """
 
-    def __init__(self, x: Array) -> None:
-        """Computes Newton's coefficients of the polynomials of unit values; `x` are the places."""
-        count = min(_NEAR, len(x))
+    def __init__(self, x: Array, count: int) -> None:
+        """Computes Newton's coefficients of the polynomials of unit values.
+
+        Args:
+            x: The places, shape (n,).
+            count: Number k of values for a polynomial, if there are so many.
+        """
+        count = min(count, len(x))
         before = np.clip(np.arange(1 - count // 2, len(x) - count // 2), 0, len(x) - count)
         self.around = before[:, None] + np.arange(count)
         self._x, self._nodes = x, x[self.around].T
@@ -342,7 +348,7 @@ def interpolated(x: Array, values: Array) -> Callable[[Array], Array]:
 def derivative(crank: Array, values: Array) -> Array:
     """Differentiates values by the crank angle, separately between corners and jumps."""
     found = np.zeros_like(values)
-    for part, steps in _smooth_parts(crank.tobytes()):
+    for part, steps in _smooth_parts(crank.tobytes(), _NEAR_SLOPE):
         step, weights = steps.slopes
         found[part] = (values[part][steps.around[step]] * weights).sum(axis=1)
     return found
@@ -358,9 +364,9 @@ def integral(crank: Array, values: Array) -> Array:
 
 
 @functools.lru_cache(4)  # the values of many quantities are at the same places
-def _smooth_parts(places: bytes) -> list[tuple[slice, _Steps]]:
+def _smooth_parts(places: bytes, count: int = _NEAR) -> list[tuple[slice, _Steps]]:
     """Finds the parts between corners and jumps, which have a crank angle on either side."""
     crank = np.frombuffer(places)
     cuts = [0, *(np.flatnonzero(np.diff(crank) < SAME) + 1).tolist(), len(crank)]
     parts = [slice(*pair) for pair in itertools.pairwise(cuts) if pair[1] - pair[0] > 1]
-    return [(part, _Steps(crank[part])) for part in parts]
+    return [(part, _Steps(crank[part], count)) for part in parts]

@@ -214,7 +214,7 @@ def names_in_a_movie(period, width, place):
 
 @pytest.mark.parametrize('preset', preset_names())
 def test_names_in_a_movie_do_not_overlap(preset):
-    period, _ = period_to_show(preset, load(preset), None)
+    period, _ = period_to_show(preset, load(preset).only, None)
     for boxes in names_in_a_movie(period, 8.0, (0.02, 0.06, 0.5, 0.78)):
         assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
 
@@ -583,7 +583,7 @@ def test_loads_that_drive_the_crank_are_noted(
 @pytest.mark.parametrize('preset', preset_names())
 def test_loads_of_a_preset_do_not_drive_it(preset):
     configuration = load(preset)
-    period, _ = period_to_show(preset, configuration, None)
+    period, _ = period_to_show(preset, configuration.only, None)
     assert _driven_by_loads([configuration], {preset: period}) == []
 
 

@@ -21,7 +21,7 @@ from linkage_ros.settings.presets import preset_names
 
 def period_of(source):
     given = isinstance(source, str)
-    design = load(source) if given else configure(source)
+    design = (load(source) if given else configure(source)).only
     return period_to_show(source if given else 'drawn', design, None)[0]
 
 

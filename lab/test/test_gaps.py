@@ -145,7 +145,9 @@ def test_friction_that_locks_at_a_change_point_has_infinite_torque(tmp_path):
 
 def test_movies_have_no_torque_where_it_is_infinite(tmp_path, called, monkeypatch):
     monkeypatch.setattr(movie, '_SECONDS', 0.2)
-    shown = period_to_show(str(path := equal(tmp_path, EQUAL + FRICTION)), load(str(path)), None)
+    shown = period_to_show(
+        str(path := equal(tmp_path, EQUAL + FRICTION)), load(str(path)).only, None
+    )
     monkeypatch.setattr(movie, 'period_to_show', lambda *_: shown)
     for name in ('equal.html', 'equal.gif'):
         code, _, error = called(command_line, 'movie', path, tmp_path / name)

@@ -93,7 +93,7 @@ def test_a_limited_crank_has_the_load_of_its_own_turn(tmp_path, turn):
     text = LIMITED.format(drive='torque', rest=f'crank_angle: {2.0 + turn * TURN}')
     points = 'at: [0.0, 6.0, 7.0, 12.0], value: [1.0, 1.0, 9.0, 9.0]'
     path.write_text(f'{text}    loads: {{cam: {{kind: curve, link: crank, {points}}}}}\n')
-    design = load(str(path))
+    design = load(str(path)).only
     period, _ = period_to_show(str(path), design, None)
     middle = len(period.crank) // 2
     assert period.columns['crank.load'].values[middle] == (9.0 if turn % 2 else 1.0)
