@@ -264,7 +264,8 @@ def run(called, tmp_path):
     def start(model, *arguments, name='leg.urdf'):
         path, out = tmp_path / name, tmp_path / 'leg.yaml'
         path.write_text(model)
-        code, printed, error = called(import_tool, path, '-o', out, '--overwrite', *arguments)
+        options = '-o', out, '--overwrite', '--gap', 1, *arguments
+        code, printed, error = called(import_tool, path, *options)
         if code:
             return code, printed, error
         values = read_parameter_file(out)
@@ -429,6 +430,24 @@ FRAMED = (
     .replace('<inertial', '<frame pos="0 0.1 0" euler="0 30 0"><inertial')
     .replace('<geom type="sphere" size="0.1"/>', '</frame><geom type="sphere" size="0.1"/>')
 )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('options', 'refused'),
+    [
+        ((), True),
+        (('--gap', '0.001'), True),
+        (('--gap', '0.1'), False),
+        (('--at', 'knee=0'), False),
+        (('--at', 'knee=0', '--gap', '0.001'), True),
+    ],
+)
+def test_loops_that_are_open_as_given_need_a_gap_or_a_pose(options, refused, called, tmp_path):
+    path, out = tmp_path / 'leg.urdf', tmp_path / 'leg.yaml'
+    path.write_text(LEG.replace('<origin xyz="0 0 -0.3" rpy', '<origin xyz="0.026 0 -0.3" rpy'))
+    code, _, error = called(import_tool, path, *CLOSE, '-o', out, *options)
+    assert (code, out.exists()) == ((2, False) if refused else (0, True))
+    assert ('0.026 m apart' in error) == refused
 
 
 @pytest.mark.parametrize('text', [MJCF, FRAMED], ids=['plain', 'with frames in bodies'])

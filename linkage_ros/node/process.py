@@ -200,10 +200,13 @@ def reported_as_configuration() -> Iterator[None]:
         text = re.sub(r'(, at \S+:\d+)+|Error: error not set', '', ' '.join(str(error).split()))
         if text.startswith('['):  # the message of UnknownROSArgsError is only the arguments
             text = f'unknown ROS arguments {text}'
-        raise ConfigurationError(
-            f'{text.rstrip(" .,")}; check the ROS arguments (--ros-args -p NAME:=VALUE, '
-            '--params-file FILE, -r FROM:=TO)'
-        ) from error
+        cure = (
+            'check the environment of ROS, such as ROS_DOMAIN_ID and ROS_LOG_DIR'
+            if text.startswith('failed to initialize')
+            else 'check the ROS arguments (--ros-args -p NAME:=VALUE, --params-file FILE, '
+            '-r FROM:=TO)'
+        )
+        raise ConfigurationError(f'{text.rstrip(" .,")}; {cure}') from error
 
 
 def _spin(executor: SingleThreadedExecutor, node: Node, ends: threading.Event) -> None:

@@ -31,11 +31,15 @@ from linkage_ros.internals import (
     read_values,
     read_xml,
 )
-from linkage_ros.quantities import shown
+from linkage_ros.quantities import Quantity, shown
 
 _NAME = 'linkage_import'
 _MOST = 5000  # links, joints, and frames
 _LIST = '    linkages: ['  # beginning of the line with the names of several linkages
+_NEAR_ENDS = 0.01  # of the longest link, distance of both ends of a loop as given
+_GAP = Quantity(
+    'number', 'largest distance of both ends of a loop in the given pose', 'm', 0.0, 1e9
+)
 _LAYER = 1e-9  # m, distance along the normal that is worth a line
 
 
@@ -247,6 +251,7 @@ def import_robot(options: argparse.Namespace) -> None:
     )  # fmt: skip
     try:
         found = draw_robot(robot, request)
+        _require_close_ends(found, options)
         linkage = configure({'drive': 'follow', **found.parameters}).only
     except ConfigurationError as error:
         raise ConfigurationError(f'{options.robot}: {error}') from error
@@ -278,6 +283,22 @@ def _text(options: argparse.Namespace, found: RobotDrawing) -> str:
         return appended_text(found, source, options.linkage, text)
     except ConfigurationError as error:
         raise ConfigurationError(f'{out}: {error}') from error
+
+
+def _require_close_ends(found: RobotDrawing, options: argparse.Namespace) -> None:
+    """Rejects a model whose loops are open in the pose of the file, as if others were meant.
+
+    Raises:
+        ConfigurationError: The ends are further apart than --gap, or than a hundredth of the
+            longest link if no pose is given.
+    """
+    allowed = _NEAR_ENDS * found.size if options.gap is None else options.gap
+    if found.gap > allowed and (options.gap is not None or not options.at):
+        raise ConfigurationError(
+            f'as given, the ends of the loops are {found.gap:.4g} m apart, at '
+            f'{_pose_words(found.given)}: must be at most {allowed:.3g} m; check --close, give '
+            f'another pose with --at, or allow it with --gap {found.gap * 1.1:.2g}'
+        )
 
 
 def _joint_value(text: str) -> tuple[str, float]:
@@ -337,6 +358,9 @@ def _parser() -> argparse.ArgumentParser:
             'action': 'append', 'default': [], 'metavar': 'JOINT=VALUE', 'type': _joint_value,
             'help': 'a joint value of the pose, rad or m, which decides assembly and gravity '
             '(default 0); may be repeated',
+        }),
+        (('--gap',), _GAP, {
+            'metavar': 'M', 'note': ' (default: a hundredth of the longest link; with --at, any)'
         }),
         (('--up',), None, {
             'nargs': 3, 'type': _component, 'metavar': ('X', 'Y', 'Z'),
