@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Columns of forces that are infinite at change points, or missing where friction locks."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,8 +60,8 @@ def around_gaps(
         columns: Function that computes the columns at places of shape (k,). It raises
             `UnreachableError` if one of the places has none.
         x: Increasing places, rad or s, shape (n,).
-        is_in_line: Whether each place is at a change point, shape (n,). Otherwise, all places
-            must have values.
+        is_in_line: Whether each place is at a change point, shape (n,). If no place is, all
+            places must have values.
         speed: Largest crank speed if the places are times, rad/s; otherwise 0.
 
     Returns:
@@ -73,26 +74,20 @@ def around_gaps(
     if not is_in_line.any():
         return dict(columns(x)), is_in_line
     good, found = _possible(columns, x, np.flatnonzero(~is_in_line))
-    is_gap = ~np.isin(np.arange(len(x)), good)
-    (gaps,) = np.nonzero(is_gap)
-    way, has_limit = _sides(x, is_gap)
-    steps = np.unique(np.maximum(_STEPS / speed, _TICKS))[::-1] if speed else _STEPS
-    apart = steps[:, None, None] * np.arange(1, 1 + len(_LIMIT))[:, None] * way
-    wanted = np.flatnonzero(np.broadcast_to(has_limit, apart.shape))
-    rows = _where_possible(columns, (x[gaps] + apart).ravel(), wanted)
-    beside = {name: row.reshape(apart.shape) for name, row in rows.items()}
-    least = _ROUNDING * max(
-        (np.nan_to_num(np.abs(row[-1])).max() for row in beside.values()), default=0.0
-    )
-    neighbor = np.clip(np.searchsorted(good, gaps) - (way < 0), 0, len(good) - 1)
-    nowhere, filled = np.full(apart.shape, np.nan), dict[str, Column]()
+    is_gap = np.ones(len(x), dtype=bool)
+    is_gap[good] = False
+    side, has_limit = _sides(x, is_gap)
+    distances = _distances(speed) * side  # shape (distances, 3, gaps)
+    beside = _values_at(columns, found, x[is_gap] + distances, has_limit)
+    largest = max(np.nan_to_num(np.abs(rows[-1])).max() for rows in beside.values())
+    # The nearest place with values on the side of the limit, or on the other if that has none.
+    neighbor = np.searchsorted(good, np.flatnonzero(is_gap)) - (side < 0)
+    neighbor = np.clip(neighbor, 0, len(good) - 1)
+    filled = dict[str, Column]()
     for name, (unit, values) in found.items():
-        row = beside.get(name, nowhere)
-        limit, nearest = _limits(row, least), row[-1, 0]
-        sign = np.where(np.isnan(nearest), values[neighbor], nearest)
         full = np.empty(len(x))
         full[good] = values
-        full[gaps] = np.where(np.isnan(limit), np.copysign(np.inf, sign), limit)
+        full[is_gap] = _at_gaps(beside[name], values[neighbor], _ROUNDING * largest)
         filled[name] = Column(unit, full)
     return filled, is_gap
 
@@ -112,20 +107,45 @@ def _sides(x: Array, is_gap: Any) -> tuple[Array, Any]:
     return np.where(is_right, 1.0, -1.0)[is_gap], (is_first | is_second)[is_gap]
 
 
-def _limits(row: Array, least: float) -> Array:
+def _distances(speed: float) -> Array:
+    """Returns one, two and three times each distance from a gap, shape (distances, 3, 1).
+
+    Args:
+        speed: Largest crank speed if the distances are times, rad/s; otherwise 0.
+    """
+    steps = np.unique(np.maximum(_STEPS / speed, _TICKS))[::-1] if speed else _STEPS
+    distances: Array = steps[:, None] * np.arange(1.0, 1.0 + len(_LIMIT))
+    return distances[:, :, None]
+
+
+def _at_gaps(beside: Array, neighbor: Array, least: float) -> Array:
+    """Returns the values of a column at gaps: its limits, or infinity where there is none.
+
+    Args:
+        beside: Values beside the gaps; see `_limits`.
+        neighbor: Value at the nearest place with values. Infinity has its sign where no value
+            beside the gap exists.
+        least: Values below it are rounding errors.
+    """
+    limit, nearest = _limits(beside, least), beside[-1, 0]
+    with_sign = np.where(np.isnan(nearest), neighbor, nearest)
+    return np.where(np.isnan(limit), np.copysign(np.inf, with_sign), limit)
+
+
+def _limits(beside: Array, least: float) -> Array:
     """Extrapolates a column to gaps.
 
     Args:
-        row: Values beside the gaps at one, two and three times each distance, the smallest
+        beside: Values beside the gaps at one, two and three times each distance, the smallest
             distance last, shape (distances, 3, gaps).
         least: Values below it are rounding errors.
 
     Returns:
         The limit at each gap from the distance at which it changes least; NaN if there is none.
     """
-    near, far, _ = row[-1]
+    near, far, _ = beside[-1]
     grows = ~(np.abs(near) <= np.maximum(_GROWS * np.abs(far), least))
-    limits = np.einsum('j,ijk->ik', _LIMIT, row)
+    limits = np.einsum('j,ijk->ik', _LIMIT, beside)
     changes = np.nan_to_num(np.abs(np.diff(limits, axis=0)), nan=np.inf)
     best = 1 + changes.argmin(axis=0)
     limit = np.take_along_axis(limits, best[None], axis=0)[0]
@@ -157,16 +177,28 @@ def _possible(
         return np.sort(good), columns(x[np.sort(good)])
 
 
-def _where_possible(
-    columns: Callable[[Array], Mapping[str, Column]], x: Array, wanted: Any
+def _values_at(
+    columns: Callable[[Array], Mapping[str, Column]],
+    names: Iterable[str],
+    places: Array,
+    is_wanted: Any,
 ) -> dict[str, Array]:
-    """Computes the values of columns at the wanted places; NaN at others and where none exist."""
-    try:
-        good, found = _possible(columns, x, wanted)
-    except UnreachableError:
-        return {}
-    rows = dict[str, Array]()
-    for name, (_, values) in found.items():
-        rows[name] = np.full(len(x), np.nan)
-        rows[name][good] = values
+    """Computes the values of columns at the wanted places; NaN at others and where none exist.
+
+    Args:
+        columns: Function that computes the columns at places of shape (k,).
+        names: Names of the columns.
+        places: The places, of any shape.
+        is_wanted: Whether each place is wanted, in a shape that can be broadcast to that of the
+            places.
+
+    Returns:
+        The values of each column, in the shape of the places.
+    """
+    rows = {name: np.full(places.shape, np.nan) for name in names}
+    wanted = np.flatnonzero(np.broadcast_to(is_wanted, places.shape))
+    with suppress(UnreachableError):
+        good, found = _possible(columns, places.ravel(), wanted)
+        for name, (_, values) in found.items():
+            rows[name].flat[good] = values
     return rows

@@ -156,28 +156,29 @@ def _with_bends(crank: Array, solver: Solver, states: Callable[[Array], State]) 
 
 
 def _pieces(solver: Solver, states: Callable[[Array], State]) -> Callable[[Array], Array] | None:
-    """Returns a function of crank angles that numbers the smooth pieces of loads.
+    """Returns a function that finds, at crank angles or times, in which smooth piece each load is.
 
-    None if all loads are smooth.
+    At n places, it returns piece numbers of shape (m, n): one row for each load with corners or
+    jumps, and one for the sides of the change points. None if there are no such rows.
     """
     model, mechanism = solver.model, solver.mechanism
     cornered = [load for load in mechanism.loads if load.has_corners]
-    loads: list[Any] = [found for load in cornered if (found := load.on(mechanism))]
+    on_links: list[Any] = [found for load in cornered if (found := load.on(mechanism))]
     in_joints: list[Any] = [rub for load in cornered if (rub := load.in_joints(mechanism))]
     reach, driven = solver.mobility, solver.structure.driven
-    in_line = [reach.fast] if reach is not None and reach.has_change_point else []
-    if not (loads or in_joints or in_line):
+    has_change_point = reach is not None and reach.has_change_point
+    if not (on_links or in_joints or has_change_point):
         return None
 
-    def pieces(angles: Array) -> Array:
-        state = states(angles)
+    def pieces(places: Array) -> Array:
+        state = states(places)
         links = poses(model.links, state.position)
-        return np.array(
-            [load.piece(links, state.velocity) for load in loads]
-            + [load.piece(model.pins, model.links, state.velocity) for load in in_joints]
-            + [np.sin(state.position[driven] - fast) >= 0 for fast in in_line],
-            dtype=float,
-        )
+        rows = [load.piece(links, state.velocity) for load in on_links]
+        rows += [load.piece(model.pins, model.links, state.velocity) for load in in_joints]
+        if reach is not None and has_change_point:
+            # Change points are at the angle `fast` or half a turn away.
+            rows.append(np.sin(state.position[driven] - reach.fast) >= 0)
+        return np.array(rows, dtype=float)
 
     return pieces
 

@@ -160,26 +160,33 @@ def assemblies(mechanism: Mechanism) -> Iterator[tuple[str, Mechanism]]:
     Yields:
         The assemblies in words, and the mechanism.
     """
-    given = {'input': getattr(mechanism, 'input', '')}
-    loop = [mechanism.assembly]
-    if 'assembly' not in mechanism.unused(given):
-        loop = _own_first(mechanism.assembly)
-    dyads = [
+    loop_choices = _loop_assemblies(mechanism)
+    dyad_choices = [
         _own_first(dyad.assembly) if dyad.has_assemblies else [dyad.assembly]
         for dyad in mechanism.dyads
     ]
-    for first, *others in itertools.islice(itertools.product(loop, *dyads), _TRIED):
-        changed = [
+    combinations = itertools.product(loop_choices, *dyad_choices)
+    for loop_assembly, *dyad_assemblies in itertools.islice(combinations, _TRIED):
+        dyads = tuple(
             replace(dyad, assembly=assembly)
-            for dyad, assembly in zip(mechanism.dyads, others, strict=True)
-        ]
-        changes = {'assembly': first} if len(loop) > 1 else {}
-        words = [first] if len(loop) > 1 else []
-        words += [dyad.assembly_words for dyad in changed if dyad.has_assemblies]
+            for dyad, assembly in zip(mechanism.dyads, dyad_assemblies, strict=True)
+        )
+        words = [loop_assembly] if len(loop_choices) > 1 else []
+        words += [dyad.assembly_words for dyad in dyads if dyad.has_assemblies]
         yield (
             ', '.join(words) or 'one assembly',
-            replace(cast('Any', mechanism), dyads=tuple(changed), **changes),
+            replace(cast('Any', mechanism), assembly=loop_assembly, dyads=dyads),
         )
+
+
+def _loop_assemblies(mechanism: Mechanism) -> list[str]:
+    """Returns the names of the assemblies that the loop has, its own first."""
+    # An inverted slider-crank with a driven crank has one assembly, so its parameter is unused.
+    # Only the input decides that.
+    given = {'input': getattr(mechanism, 'input', '')}
+    if 'assembly' in mechanism.unused(given):
+        return [mechanism.assembly]
+    return _own_first(mechanism.assembly)
 
 
 def _own_first(own: str) -> list[str]:
