@@ -135,7 +135,7 @@ LINES = [
      'crank.length = 0: must be a number from 1e-09 to 1e+09 m'),
     (partial(configured, FOUR, 'rpm', LEFT_OUT),
      ('rpm is missing: must be a number from -1e+06 to 1e+06 rpm, the crank speed, '
-      'counter-clockwise positive')),
+      'counter-clockwise positive; 1 rad/s is 9.5493 rpm')),
     (partial(configured, FOUR, 'gravity', 9.81),
      'gravity = 9.81: must be two numbers, each from -1e+06 to 1e+06 m/s^2'),
     (partial(configured, SLIDER, 'log_overwrite', 'yes'),

@@ -251,7 +251,7 @@ def _source(
         LogError: The file cannot be read, or lacks the measurements.
     """
     simulators = [*robot.simulators.values()]
-    if Path(path).suffix != '.csv':
+    if Path(path).suffix.lower() != '.csv':
         if column:
             raise ConfigurationError('--column names a column of a CSV file: give --measured CSV')
         bag = Bag(path)

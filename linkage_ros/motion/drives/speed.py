@@ -36,8 +36,9 @@ class SpeedDrive(TrajectoryFeedForward):
     segment = SpeedSegment
 
     rpm: float = quantity(
-        'number', 'crank speed, counter-clockwise positive', 'rpm', span=(-1e6, 1e6), live=True
-    )
+        'number', 'crank speed, counter-clockwise positive; 1 rad/s is 9.5493 rpm', 'rpm',
+        span=(-1e6, 1e6), live=True,
+    )  # fmt: skip
     start_rpm: float | None = quantity(
         'number',
         'crank speed at t = 0, which then approaches rpm',
