@@ -6,6 +6,7 @@ import json
 import math
 
 import pytest
+from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import deserialize_message
 from ros_harness import (
     SteppedClock,
@@ -21,12 +22,15 @@ from ros_harness import (
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from test_crank_commands import trajectory
+from test_live_force import PUSH, wrench
 from test_node_parameters import set_parameter
 from test_several_linkages import CASES, FOLLOWERS, LEGS
 from trajectory_msgs.msg import JointTrajectory
 
 from linkage_ros.log.reader import LogReader
+from linkage_ros.log.verify import verify
 from linkage_ros.programs.log_commands import info
+from linkage_ros.settings.configuration import configure
 from linkage_ros.settings.parameters import OF_THE_RUN
 
 STATES, EFFORTS, PLANNED = '/joint_states', '/efforts', '/planned'
@@ -205,3 +209,60 @@ def test_a_linkage_that_cannot_run_live_is_refused_by_its_name(tmp_path):
     assert_refused(done.returncode, done.stdout, done.stderr, 'left: command_timeout = 0.001 s')
     done = finished('node', *node_arguments(linkages='[crank]'))
     assert_refused(done.returncode, done.stdout, done.stderr, "'crank' is a parameter")
+
+
+@pytest.mark.parametrize('drive', ['follow', 'speed'])
+def test_forces_and_gravity_act_on_the_linkage_that_they_name(tmp_path, drive):
+    log, sides = tmp_path / 'run.mcap', ('left', 'right')
+    own = {k: v for k, v in LEGS.items() if 'motion' not in k}
+    values = {**own, 'drive': drive, 'log': str(log), **{'rpm': 90.0} | PUSH}
+    values |= {f'{side}.loads.push.wrench_topic': f'{side}/push' for side in sides}
+    if drive == 'follow':
+        del values['rpm']
+    with watched(TYPES, *arguments_of(tmp_path, values)) as (listener, node):
+        pushes = [listener.node.create_publisher(WrenchStamped, f'/{x}/push', 10) for x in sides]
+        robot = listener.node.create_publisher(JointState, '/measured_joint_states', 10)
+        states, stamp = listener.received[STATES], 0
+
+        def await_states(count, *given):
+            """Awaits states while wrenches come and, with drive: follow, measurements of some."""
+            nonlocal stamp
+            due = len(states) + count
+
+            def act():
+                nonlocal stamp
+                stamp += MS
+                for publisher, message in given:
+                    publisher.publish(message)
+                if drive == 'follow':
+                    joints = [f'{x}_crank' for x in sides if stamp // MS % 5 or x == 'left']
+                    message = JointState(name=joints, position=[1e-10 * stamp] * len(joints))
+                    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+                    robot.publish(message)
+                return len(states) >= due
+
+            wait_for(act)
+
+        await_states(20)
+        await_states(20, (pushes[0], wrench()))
+        assert set_parameter(
+            listener, 'gravity', type=8, double_array_value=[3.0, -9.0]
+        ).successful
+        await_states(20, (pushes[1], wrench()))
+        assert set_parameter(
+            listener, 'right.gravity', type=8, double_array_value=[0.0, 9.0]
+        ).successful
+        await_states(20, (pushes[0], wrench()), (pushes[1], wrench()))
+        stop(node)
+    assert verified(log).states >= 80
+    gravities = {
+        name: [x.gravity for x in found if x.gravity]
+        for name, found in LogReader(log).motions.items()
+    }
+    assert gravities == {'left': [(3.0, -9.0)], 'right': [(3.0, -9.0), (0.0, 9.0)]}
+    # Negative control: each linkage has its own force.
+    for name in sides:
+        forged = LogReader(log)
+        wrong = {f'{name}.loads.push.force': (0.0, -3.1)}
+        forged.configuration = configure({**forged.configuration.parameters(), **wrong})
+        assert verify(forged).difference

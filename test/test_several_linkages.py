@@ -248,9 +248,9 @@ def test_parameters_at_the_top_are_overlaid_name_by_name():
 REFUSED = {
     'a parameter': ({'linkages': ['crank']}, "'crank' is a parameter"),
     'a group': ({'linkages': ['loads']}, "'loads' is a parameter"),
-    'a topic': ({'linkages': ['joint_states']}, 'beginning of the topic joint_states'),
+    'a topic': ({'linkages': ['joint_states']}, "'joint_states' is a topic"),
     'a topic of the user': (
-        {'linkages': ['arm'], 'effort_command_topic': '/arm/efforts'}, 'topic /arm/efforts'
+        {'linkages': ['arm'], 'effort_command_topic': '/arm'}, "'arm' is a topic"
     ),
     'a boolean': ({'linkages': ['off']}, 'ROS reads it as a boolean'),
     'two underscores': ({'linkages': ['a__b']}, 'single underscores'),

@@ -61,14 +61,14 @@ def _parameters() -> dict[str, str]:
 
 
 def _topics(values: Values) -> dict[str, str]:
-    """Returns the first parts of the names of all topics, as `taken` of `linkage_names`."""
-    every = [x.name for x in vars(topics).values() if isinstance(x, topics.Topic)]
-    every += [
+    """Returns the names of all topics, as `taken` of `linkage_names`."""
+    fixed = [x.name for x in vars(topics).values() if isinstance(x, topics.Topic)]
+    given = [
         str(value) for name, value in values.items()
         if name.rpartition('.')[2].endswith(('command_topic', 'wrench_topic'))
     ]  # fmt: skip
-    firsts = {name.lstrip('/').partition('/')[0]: name for name in every}
-    return {first: f'the beginning of the topic {name}' for first, name in firsts.items()}
+    names = [name.strip('/') for name in (*fixed, *given)] + [topics.POINTS.name.partition('/')[0]]
+    return dict.fromkeys(names, 'a topic')
 
 
 def split(values: Values, names: Sequence[str]) -> tuple[Values, dict[str, Values]]:
