@@ -24,6 +24,7 @@ from linkage_ros.programs.log_commands import info
 from linkage_ros.programs.record import record, record_measured
 from linkage_ros.programs.replay import motions_in
 from linkage_ros.quantities import flatten
+from linkage_ros.run.batches import LinkageStates
 from linkage_ros.run.robot import Robot
 from linkage_ros.settings.configuration import configure, from_strings, to_strings
 from linkage_ros.settings.parameters import OF_THE_RUN
@@ -196,6 +197,19 @@ def test_a_linkage_that_is_missing_without_a_reason_is_found(tmp_path, monkeypat
     report = report_of(tmp_path / 'run.mcap')
     assert report.states == 21
     assert 'left is missing, but no record says that its motion ended' in report.difference
+    fill = LinkageStates.fill
+
+    def fill_until(states, count, turns):
+        if states.name == 'right' and states._tick >= 21:
+            raise MotionError('it is tired', time=0.1, coordinates=(0.0,))
+        fill(states, min(count, 21) if states.name == 'right' else count, turns)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(LinkageStates, 'fill', fill_until)
+        resting, path = {**LEGS, 'left.motion.speeds': [0.0, 0.0]}, tmp_path / 'tired.mcap'
+        with pytest.raises(MotionError, match=r'^right: it is tired'):
+            record(configure(resting), path, duration=0.2)
+    assert 'right is missing, but its motion continues' in report_of(path).difference
     write = LogWriter.write_states
 
     def twice(log, times, stamps, numbers, linkages):
@@ -257,6 +271,7 @@ REFUSED = {
     'a digit': ({'linkages': ['2nd']}, 'must be a list of names'),
     'twice': ({'linkages': ['a', 'a']}, 'named twice'),
     'none': ({'linkages': []}, 'must be a list of names'),
+    'of the top': ({'rmp': 1.0}, "^'rmp' is not a parameter of a four_bar"),
     'of the run': ({'left.log': 'a.mcap'}, 'left.log: log is of the whole run'),
     'unknown': ({'left.rmp': 1.0}, "left: 'rmp' is not a parameter of a four_bar"),
     'another drive': ({'left.drive': 'speed'}, 'left.drive: drive is of the whole run'),
@@ -267,7 +282,7 @@ REFUSED = {
     'one measured name': (
         {'left.crank_joint': 'right_rocker'}, "left and right each have a joint 'right_rocker'"
     ),
-    'no mechanism': ({'linkages': ['left'], 'mechanism': None}, 'left: mechanism is missing'),
+    'no mechanism': ({'linkages': ['left'], 'mechanism': None}, 'mechanism is missing'),
     'no loop': ({'right.crank.length': 9.0}, 'right: the longest link'),
 }  # fmt: skip
 

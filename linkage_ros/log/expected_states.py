@@ -14,7 +14,7 @@ from typing import Any, ClassVar, NamedTuple, TypeAlias, cast
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.errors import MotionError
+from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.log.logged_forces import Forces
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.log.rows import RowLayout
@@ -162,6 +162,10 @@ class ExpectedStates(ABC):
         """Returns the efforts of linkages that the next states do not hold, by linkage."""
         return {}
 
+    def has_ended(self, linkage: str, stamp: int) -> bool:  # noqa: ARG002, most cannot tell
+        """Returns whether a motion may have ended before a stamp, ns, at which it has no state."""
+        return True
+
     @abstractmethod
     def take(
         self, numbers: Numbers, ticks: list[int], efforts: Mapping[str, RowPart]
@@ -223,13 +227,23 @@ class SegmentStates:
         self,
         number: int,
         stamps: list[int],
-        rows: Rows,  # noqa: ARG002, others read them
+        rows: Rows | None,  # noqa: ARG002, others read them
         forces: Forces,
     ) -> tuple[Coordinates, Coordinates | None]:
         """Follows the motion of a segment; see `ExpectedStates`."""
         motion = self._motions[number].motion()
         motion.conditions = Conditions(motion.conditions.gravity, forces=forces)
         return motion.at_all(stamps), self._simulator.ahead(motion, stamps)
+
+    def has_ended(self, stamp: int) -> bool:
+        """Returns whether the motion ends before a stamp, ns; see `ExpectedStates`."""
+        forces = dict(self._simulator.conditions.forces)
+        try:
+            last = len(self._motions) - 1
+            self._simulator.part(*self.coordinates(last, [stamp], None, forces))
+        except LinkageError:
+            return True
+        return False
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
         """Advances past states; see `ExpectedStates`."""
@@ -286,6 +300,10 @@ class TickStates(ExpectedStates):
     ) -> tuple[Coordinates, Coordinates | None]:
         """Follows the motion of a segment; see `ExpectedStates`."""
         return self._linkages[linkage].coordinates(number, stamps, rows, forces)
+
+    def has_ended(self, linkage: str, stamp: int) -> bool:
+        """Computes the motion up to a stamp; see `ExpectedStates`."""
+        return self._linkages[linkage].has_ended(stamp)
 
     def elapsed(self, numbers: Numbers, stamps: list[int]) -> list[int]:
         """Returns the times since tick 0; see `ExpectedStates`."""

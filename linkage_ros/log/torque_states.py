@@ -10,7 +10,7 @@ must also follow from the previous state under the torque logged there.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -85,8 +85,12 @@ class DrivenStates(SegmentStates):
         found[self._driven_link] = driven
         return found
 
+    def has_ended(self, stamp: int) -> bool:  # noqa: ARG002
+        """Returns True: how a motion under commands goes on is not known."""
+        return True
+
     def coordinates(
-        self, number: int, _: list[int], rows: Rows, forces: Forces
+        self, number: int, _: list[int], rows: Rows | None, forces: Forces
     ) -> tuple[Coordinates, Coordinates | None]:
         """Reads coordinates, rates and accelerations from mechanism_state, as arrays.
 
@@ -134,7 +138,7 @@ class DrivenStates(SegmentStates):
         moving = driven.solver.structure.indices_of(driven.solver.coordinates)
         return [*moving, *(len(self._links) + i for i in moving)]
 
-    def _read(self, rows: Rows) -> tuple[Array, Array]:
+    def _read(self, rows: Rows | None) -> tuple[Array, Array]:
         """Reads mechanism_state.
 
         Returns:
@@ -145,7 +149,7 @@ class DrivenStates(SegmentStates):
         Raises:
             LogError: A value is not a finite number.
         """
-        layout, data = rows
+        layout, data = cast('Rows', rows)
         # If fields have the same name, `fields` holds the last, which is that of mechanism_state.
         columns = [layout.column(data, layout.fields[name]) for name in self._names]
         table = np.reshape(columns, (4, len(self._links), -1))

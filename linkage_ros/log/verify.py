@@ -269,7 +269,8 @@ class Verification:
             description is empty if the next state was not compared.
         """
         layout = self._layout
-        stamps, count, wrong = layout.stamps(rows), 0, self._wrong_linkages()
+        stamps, count = layout.stamps(rows), 0
+        wrong = self._wrong_linkages(int(stamps[0]))
         for numbers, ticks in () if wrong else self._expected.fitting(layout.linkages, stamps):
             logged = rows[: len(ticks) * layout.size]
             again = functools.partial(
@@ -298,14 +299,17 @@ class Verification:
             wrong = f'state {self.states + count + 1}, stamp {stamps[count]} ns: {wrong}'
         return count, wrong
 
-    def _wrong_linkages(self) -> str:
-        """Describes a linkage that the next states lack, or hold, without a reason."""
+    def _wrong_linkages(self, stamp: int) -> str:
+        """Describes a linkage that the states from a stamp on lack, or hold, without a reason."""
         if not self._expected.needs_motion:
             return ''  # measurements are the reason
         held, ended = {*self._layout.linkages}, {*self._log.linkage_ends}
         for name in self._robot.names:
             if name not in held and name not in ended:
                 return f'{name} is missing, but no record says that its motion ended'
+            is_first = name not in held and name not in self._gone
+            if is_first and not self._expected.has_ended(name, stamp):
+                return f'{name} is missing, but its motion continues'
             if name in held and name in self._gone:
                 return f'{name} is there again after its motion ended'
         self._gone |= {*self._robot.names} - held

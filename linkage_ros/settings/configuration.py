@@ -229,17 +229,36 @@ def configure(values: Mapping[str, object]) -> Configuration:
     given = without_ros_parameters(values)
     names = linkage_names(given)
     top, own = split(given, names)
-    found, mistakes = list[Linkage](), Mistakes()
+    found, errors = list[Linkage](), dict[str, ConfigurationError]()
     for name in names:
-        with mistakes, in_linkage(name):
-            prefix = {'joint_prefix': f'{name}_'} if name else {}
+        prefix = {'joint_prefix': f'{name}_'} if name else {}
+        try:
             found.append(_configured(name, {**prefix, **top, **own[name]}))
-    mistakes.check()
+        except ConfigurationError as error:
+            errors[name] = error
+    _check(errors, names)
     if names == ('',):
         return Configuration((found[0],))
     _require_compatible(found)
     shared, below = shared_by_all({x.name: x.parameters() for x in found}, top, own)
     return Configuration(tuple(found), shared, below)
+
+
+def _check(errors: Mapping[str, ConfigurationError], names: Sequence[str]) -> None:
+    """Raises the errors of linkages, by name.
+
+    Raises:
+        ConfigurationError: There is an error. One that all linkages have, as of a value at the
+            top, names none of them.
+    """
+    words = {str(error) for error in errors.values()}
+    if len(words) == 1 and len(errors) == len(names):
+        raise errors[names[0]]
+    mistakes = Mistakes()
+    for name, error in errors.items():
+        with mistakes, in_linkage(name):
+            raise error
+    mistakes.check()
 
 
 def _configured(name: str, given: Mapping[str, object]) -> Linkage:
