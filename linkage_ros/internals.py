@@ -10,7 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from linkage_ros.errors import printable
-from linkage_ros.files import STANDARD_OUTPUT, is_same_file, replacement, require_new, text_output
+from linkage_ros.files import (
+    LARGEST,
+    STANDARD_OUTPUT,
+    is_same_file,
+    replacement,
+    require_new,
+    text_output,
+)
 from linkage_ros.mechanism.axes import axes_of, spin_of
 from linkage_ros.mechanism.dyad_reach import reach_of
 from linkage_ros.mechanism.equations import Model, acting_forces, torque
@@ -53,6 +60,7 @@ def logged_states(path: Path | str, most: int, linkage: str = '') -> Any:
 
 __all__ = [
     'FRAME',
+    'LARGEST',
     'STANDARD_OUTPUT',
     'UNITS',
     'Configuration',

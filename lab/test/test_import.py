@@ -1021,6 +1021,22 @@ def test_what_mechanics_do_not_need_is_not_compiled(case, run):
         resource.setrlimit(resource.RLIMIT_AS, limit)
 
 
+@pytest.mark.parametrize('size', [1 << 24, (1 << 24) + 1])
+def test_meshes_that_give_masses_have_a_limit_together(size, run, tmp_path):
+    (tmp_path / 'parts').mkdir()
+    for name, bytes_ in (('a', size - 84), ('b', 84)):
+        (tmp_path / 'parts' / f'{name}.stl').write_bytes(bytes(bytes_))
+    model = MJCF.replace('type="cylinder" size="0.01 0.15"', 'type="mesh" mesh="a"').replace(
+        '<geom type="sphere" size="0.1"/>', '<geom type="mesh" mesh="b"/>'
+    )
+    files = ''.join(f'<mesh name="{name}" file="{name}.stl"/>' for name in 'ab')
+    model = model.replace('<worldbody>', f'<asset>{files}</asset><worldbody>')
+    model = model.replace('<compiler ', '<compiler meshdir="parts" ')
+    code, _, error = run(model, '--crank', 'motor', name='leg.xml')
+    # MuJoCo refuses these files, too, which hold no triangles.
+    assert (code, 'bytes of meshes' in error) == (2, size > 1 << 24)
+
+
 def test_meshes_have_the_mass_of_mujoco_without_their_hulls():
     text = MJCF.replace(
         '<geom type="sphere" size="0.1"/>', '<geom type="mesh" mesh="m" name="g"/>'
@@ -1034,7 +1050,7 @@ def test_meshes_have_the_mass_of_mujoco_without_their_hulls():
     )
     text = text.replace('<geom type="box" size="0.1 0.1 0.1"/>', '<geom size="1" name="g2"/>')
     expected = mujoco.MjModel.from_xml_string(text)
-    made = mjcf._compiled(mujoco.MjSpec.from_string(text))
+    made = mjcf._compiled(mujoco.MjSpec.from_string(text), ())
     assert made.body_mass.tolist() == expected.body_mass.tolist()
     assert made.body_inertia.tolist() == expected.body_inertia.tolist()
     assert (expected.mesh_graphadr[0], made.mesh_graphadr[0]) == (0, -1)

@@ -5,7 +5,7 @@
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -27,7 +27,7 @@ from linkage_lab.robots.model import (
     from_quaternion,
 )
 from linkage_ros import ConfigurationError
-from linkage_ros.internals import read_xml
+from linkage_ros.internals import LARGEST, read_xml
 from linkage_ros.quantities import shown
 
 _KINDS = {0: 'free', 1: BALL, 2: PRISMATIC, 3: REVOLUTE}  # by mjtJoint
@@ -35,7 +35,10 @@ _CONNECT, _WELD, _JOINT, _TENDON = 0, 1, 2, 3  # mjtEq
 _AT_JOINT = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT
 _END = ': left out'
 # MuJoCo's compiler takes quadratic time.
-_MOST = {'bodies': 1000, 'elements': 5000, 'meshes': 100, 'points of height fields': 10_000_000}
+_MOST = {
+    'bodies': 1000, 'elements': 5000, 'meshes': 100, 'points of height fields': 10_000_000,
+    'bytes of meshes that give masses': LARGEST,
+}  # fmt: skip
 _MOST_USER = 1000  # numbers that a user adds to an element; each other one gets as many
 _ERRORS = ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError
 _USER = [name for name in dir(mujoco.MjSpec) if name.startswith('nuser_')]
@@ -59,20 +62,36 @@ def read_mjcf(path: Path) -> Robot:
         ConfigurationError: MuJoCo cannot compile the file, it is too large, or two parts have one
             name.
     """
-    _require_limits(path)
+    folders = _require_limits(path)
     try:
-        model = _compiled(mujoco.MjSpec.from_file(str(path)))
+        model = _compiled(mujoco.MjSpec.from_file(str(path)), folders)
+    except ConfigurationError:  # its message is already clear
+        raise
     except _ERRORS as error:
         raise ConfigurationError(f'MuJoCo: {" ".join(str(error).split())}') from error
     return _Reader(model).robot()
 
 
-def _compiled(spec: Any) -> Any:
-    """Compiles a model without parts that may be large and do not change its mechanics."""
+def _compiled(spec: Any, folders: Iterable[Path]) -> Any:
+    """Compiles a model without parts that may be large and do not change its mechanics.
+
+    Args:
+        spec: The model.
+        folders: Folders of its files.
+
+    Returns:
+        The compiled model.
+
+    Raises:
+        ConfigurationError: It has too many bodies, or meshes that are too many or too large.
+    """
     for part in (*spec.keys, *spec.sensors, *spec.tuples, *spec.pairs):
         spec.delete(part)
     _leave_out_meshes(spec)
-    _require_counts(Counter(bodies=len(spec.bodies), meshes=len(spec.meshes)))
+    files = {folder / mesh.file for mesh in spec.meshes if mesh.file for folder in folders}
+    size = sum(file.stat().st_size for file in files if file.is_file())
+    counts = {'bodies': len(spec.bodies), 'meshes': len(spec.meshes)}
+    _require_counts(Counter({**counts, 'bytes of meshes that give masses': size}))
     spec.nkey = spec.nuserdata = 0
     for name in ('memory', 'njmax', 'nconmax', *_USER):
         setattr(spec, name, -1)
@@ -103,8 +122,11 @@ def _leave_out_meshes(spec: Any) -> None:
             spec.delete(mesh)
 
 
-def _require_limits(path: Path) -> None:
+def _require_limits(path: Path) -> set[Path]:
     """Requires regular files, finite numbers, and counts that MuJoCo compiles in seconds.
+
+    Returns:
+        The folders in which MuJoCo may search for files.
 
     Raises:
         ConfigurationError: A file cannot be read, a number is not finite, or there are too many
@@ -129,6 +151,7 @@ def _require_limits(path: Path) -> None:
                 if element.tag in {'include', 'model'} and file not in seen and file.is_file():
                     seen.add(file)
                     waiting.append(file)
+    return folders
 
 
 def _require_counts(counts: Mapping[str, int]) -> None:
