@@ -51,10 +51,10 @@ from linkage_lab.period import Extent, Period, extent, extents, period_to_show, 
 from linkage_ros import ConfigurationError, cli, load
 from linkage_ros.palette import BLACK, fractions
 
-# Heights, inches: picture, at most; sketch, at least, and above the text; diagram, and its title
-# with the gap above it; bottom margin; line of text; row of the table.
+# Heights, inches: picture, at most; sketch, at least, above the text, and more with dimensions;
+# diagram, and its title with the gap above it; bottom margin; line of text; row of the table.
 _TALLEST = 12.8
-_SKETCH, _ABOVE = 3.3, 2.6
+_SKETCH, _ABOVE, _LARGER = 3.3, 2.6, 1.2
 _ROW, _TITLE = 1.5, 0.34
 _FOOT, _LINE, _ROWS = 0.5, 0.2, 0.165
 # Widths, inches: margins left of the diagrams, and right of those without names; sketch beside the
@@ -273,6 +273,7 @@ def _draw_motion(
     said = _LINE * (notes.count('\n') + 1) + 0.15 if notes else 0.0
     written = _ROWS * len(table) + 0.1
     sketch = _ABOVE + 0.4 * bool(others) if above else max(_SKETCH, said + written)
+    sketch += _LARGER * options.dimensions
     top = sketch + max(said, written) if above else sketch
     columns = 1 if len(drawn) <= _SINGLE else 2
     down = math.ceil(len(drawn) / columns)

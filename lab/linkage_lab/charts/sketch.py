@@ -43,7 +43,7 @@ HIGH, _LINE, _ROOM = 6.2, 0.165, 0.35
 _CHARACTERS = 118  # in a line of text
 _ARROW = 9.0  # length of the arrow of a link's direction, points
 _MARKS = 4.0  # length of the arrow of a slide's direction, in marks of the drawing
-_DISTANCES = 10.0, 15.0, 22.0, 30.0, 40.0  # of names, points
+_DISTANCES = 10.0, 15.0, 22.0, 30.0, 40.0, 55.0, 70.0  # of names, points
 
 
 @dataclass(frozen=True)
@@ -82,9 +82,9 @@ class Sketched:
         """Rates of the links, rad/s and m/s, shape (1, links)."""
         return np.array([self.state.velocity])
 
-    def length(self, value: float) -> str:
+    def length(self, value: float, digits: int = 5) -> str:
         """Writes a length, m, in the unit of the sketch."""
-        return f'{round(value * (1000 if self.unit == "mm" else 1), 9) + 0.0:.5g}'
+        return f'{round(value * (1000 if self.unit == "mm" else 1), 9) + 0.0:.{digits}g}'
 
     def at(self, point: complex) -> str:
         """Writes a place, m, in the unit of the sketch."""
@@ -429,7 +429,8 @@ def draw_sketch(axes: Axes, sketched: Sketched, *, with_dimensions: bool) -> Non
         lines.append(arrow)
     labels += _slides(axes, sketched, 0.025 * size, lines)
     path = drawing.positions if sketched.path is None else sketched.path
-    picture = LinkagePicture(axes, drawing, path, sketched.positions, [*lines])
+    marks = [*lines]  # count twice below: a covered arrow is worse than a covered link
+    picture = LinkagePicture(axes, drawing, path, sketched.positions, marks)
     shown = drawing.links(drawing.place(sketched.positions))
     middle = complex(*np.mean(drawing.place(sketched.positions)[0], axis=0))
     for j, link in enumerate(sketched.solver.structure.links):
@@ -438,7 +439,7 @@ def draw_sketch(axes: Axes, sketched: Sketched, *, with_dimensions: bool) -> Non
         labels.append(_name(axes, sketched, drawing, j, line, middle))
     if with_dimensions:
         labels += _dimensions(sketched, drawing, shown)
-    _write(axes, picture, labels, lines + drawing.ground)
+    _write(axes, picture, labels, marks + lines + drawing.ground)
 
 
 def _slides(axes: Axes, sketched: Sketched, mark: float, lines: list[Array]) -> Iterator[_Label]:
@@ -506,7 +507,7 @@ def _dimensions(sketched: Sketched, drawing: Drawing, shown: dict[str, Array]) -
                 continue
             done.add((start, end))
             yield _Label(
-                sketched.length(abs(end - start)), start + 0.35 * (end - start),
+                sketched.length(abs(end - start), 4), start + 0.35 * (end - start),
                 1j * (end - start), BLACK,
             )  # fmt: skip
 
