@@ -26,9 +26,9 @@ from linkage_ros.formulas import Array
 # relative to that of the crank pin at the no-load speed.
 _GRID = (0.1, 0.5, 0.9), (0.15, 0.4, 0.65, 0.9), (-0.5, 0.5)
 _PERIODS = 1, 2, 4  # turns after which a motion may repeat
-# No-load turns between two checks of a motion; number of checks, and how many of them use Newton's
-# method.
-_CHUNK, _CHUNKS, _EACH = 8, 30, 4
+# No-load turns before each check of a motion; the numbers of its checks, and after how many of
+# them Newton's method is used.
+_TURNS_PER_CHECK, _CHECKS, _NEWTON_EVERY = 8, range(1, 31), 4
 # A motion has settled if its last _PASSAGES of crank angle 0 are within _NEAR of a stable state,
 # and within _INSIDE of the state's distance from the nearest unstable one. It repeats if its
 # distance from an earlier passage is below _REPEATS.
@@ -212,7 +212,7 @@ def settle(
     """
     search = _Search(_shooting(mechanism, torque, damping, [speed]), follows=False)
     start = mechanism.slider.position, speed, mechanism.slider.velocity
-    end, duration = search.settled(start, progress(range(_CHUNKS), 'motion'))
+    end, duration = search.settled(start, progress(_CHECKS, 'motion'))
     if isinstance(end, str):
         raise ConfigurationError(
             f'from {speed:g} rad/s the pump does not settle within {duration:.3g} s, because '
@@ -308,33 +308,35 @@ class _Search:
                     self.states.append(SteadyState(state, piece))
 
     def settled(
-        self, start: Sequence[float], chunks: Iterable[Any] = range(_CHUNKS)
+        self, start: Sequence[float], checks: Iterable[int] = _CHECKS
     ) -> tuple[Any, float]:
         """Finds the state in which a motion settles.
 
         Args:
             start: Slider position, crank speed and slider velocity at crank angle 0.
-            chunks: Periods of time after each of which the motion is checked.
+            checks: Numbers of the checks, in order; may be wrapped in a progress bar.
 
         Returns:
             The state, or the reason why none is known; and the time until then, s.
         """
         values, time = np.array((0.0, *start)), 0.0
-        chunk = _CHUNK * TURN / self.shooting.units[1]
+        between_checks = _TURNS_PER_CHECK * TURN / self.shooting.units[1]
         passages = np.empty((3, 0))
-        for check, _ in enumerate(chunks, 1):
-            found = self.shooting.run(values, chunk)
+        for check in checks:
+            found = self.shooting.run(values, between_checks)
             time += found.t[-1]
             if not found.success:
                 return STRETCHED, time
-            if not len(found.y_events[0]):
-                return STOPPED, time
+            # Each column is a state at which the sine of the crank angle rises.
             crossings = found.y_events[0].T
-            is_at_0 = np.cos(crossings[0]) > 0  # not at pi, which the crank passes backwards
+            if not crossings.size:
+                return STOPPED, time
+            # The sine also rises at pi, if the crank passes it backwards.
+            is_at_0 = np.cos(crossings[0]) > 0
             passages = np.hstack((passages, crossings[1:, is_at_0]))
             values = found.y[:, -1]
             values[0] %= TURN
-            if not check % _EACH:
+            if check % _NEWTON_EVERY == 0:
                 self._identify(passages)
             state = self._reached(passages)
             if state:
