@@ -9,11 +9,10 @@ At a change point the formulas are 0/0; the motion is smooth there, so the state
 states 1e-60 rad on either side.
 """
 
-import operator
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from mpmath import mp
 
@@ -28,6 +27,20 @@ _STRAIGHT = '1e-25'  # below this sine of the transmission angle, two states are
 _Number: TypeAlias = Any  # an mpf or mpc; mpmath has no type annotations
 # Mechanisms whose loop has a closed-form textbook solution.
 Linkage: TypeAlias = FourBar | SliderCrank
+
+
+class _Position(NamedTuple):
+    """The position of a loop.
+
+    Attributes:
+        coupler: Unit vector of the coupler.
+        output: Unit vector of the rocker, or the slider's position, m.
+        sine: Sine of the transmission angle.
+    """
+
+    coupler: _Number
+    output: _Number
+    sine: _Number
 
 
 def lengths(linkage: Linkage) -> tuple[float, float, float | None, float]:
@@ -85,43 +98,73 @@ class Reference:
                 ends there.
         """
         with mp.workdps(_DIGITS):
-            place = self._locate(mp.mpf(crank))
-            if abs(place[2]) > mp.mpf(_STRAIGHT):
-                return self._solve(mp.mpf(crank), *place)
+            position = self._locate(mp.mpf(crank))
+            if abs(position.sine) > mp.mpf(_STRAIGHT):
+                return self._solve(mp.mpf(crank), position)
         with mp.workdps(3 * _DIGITS):
             sides = (mp.mpf(crank) + sign * mp.mpf(_ASIDE) for sign in (-1, 1))
-            before, after = (self._solve(angle, *self._locate(angle)) for angle in sides)
+            before, after = (self._solve(angle, self._locate(angle)) for angle in sides)
             return {name: tuple(map(_mean, before[name], after[name])) for name in before}
 
-    def _locate(self, crank: _Number) -> tuple[_Number, _Number, _Number]:
-        """Computes unit vectors of coupler and rocker (or a slider's position) from two circles.
-
-        The third value is the sine of the transmission angle.
-        """
+    def _locate(self, crank: _Number) -> _Position:
+        """Computes the position of the loop from two circles, or from a circle and a line."""
         frame = mp.mpf(self._mechanism.frame.angle)
         frame -= 2 * mp.pi * mp.nint(frame / (2 * mp.pi))
-        theta, turn = crank - frame, mp.expj(frame)
+        slides = isinstance(self._mechanism, SliderCrank)
+        locate = self._on_guide if slides else self._on_circles
+        return locate(crank - frame, mp.expj(frame))
+
+    def _on_guide(self, theta: _Number, axis: _Number) -> _Position:
+        """Intersects the circle about the crank pin with the path of the slider's pin.
+
+        Args:
+            theta: Crank angle from the guide, rad.
+            axis: Unit vector of the guide.
+        """
+        crank, coupler, _, offset = self._lengths  # exact
+        r, b, _, e = map(mp.convert, self._lengths)
+        y = e - r * mp.sin(theta)
+        # The coupler is at right angles to the guide if y is -b or b, which y reaches at a change
+        # point where theta is pi/2 or -pi/2. From theta + pi/2 these are pi and 0.
+        folds = coupler + offset == crank, coupler - offset == crank
+        x = self._root_in_assembly(b + y, b - y, theta + mp.pi / 2, folds)
+        return _Position(mp.mpc(x, y) * axis / b, mp.mpc(r * mp.cos(theta) + x), x / b)
+
+    def _on_circles(self, theta: _Number, axis: _Number) -> _Position:
+        """Intersects the circles of coupler and rocker.
+
+        Args:
+            theta: Crank angle from the frame, rad.
+            axis: Unit vector of the frame.
+        """
+        crank, coupler, rocker, frame = self._lengths  # exact
         r, b, c, d = map(mp.convert, self._lengths)
-        exact_r, exact_b, exact_c, exact_d = self._lengths
-        if isinstance(self._mechanism, SliderCrank):
-            y = d - r * mp.sin(theta)
-            folds = exact_b + exact_d == exact_r, exact_b - exact_d == exact_r
-            x = self._height(b + y, b - y, folds, theta + mp.pi / 2)
-            return mp.mpc(x, y) * turn / b, mp.mpc(r * mp.cos(theta) + x), x / b
-        diagonal = turn * (d - r * mp.expj(theta))
+        diagonal = axis * (d - r * mp.expj(theta))  # from the crank's pin to the rocker's pivot
         square = abs(diagonal) ** 2
         if not square:
-            return self._locate(crank + mp.mpf(10) ** (10 - mp.dps))
-        folds = (
-            exact_b + exact_c == exact_d + exact_r,
-            abs(exact_d - exact_r) == abs(exact_b - exact_c),
-        )
-        height = self._height((b + c) ** 2 - square, square - (b - c) ** 2, folds, theta)
-        coupler = diagonal * ((b - c) * (b + c) + square + 1j * height) / (2 * square)
-        return coupler / b, (coupler - diagonal) / c, height / (2 * b * c)
+            # Both centres coincide, so that the circles have no direction. An angle beside this
+            # one shows whether they meet; `state` then takes the mean over both sides.
+            return self._on_circles(theta + mp.mpf(10) ** (10 - mp.dps), axis)
+        # At a change point, coupler and rocker are stretched out in line where theta is pi, or
+        # folded in line where it is 0.
+        folds = coupler + rocker == frame + crank, abs(frame - crank) == abs(coupler - rocker)
+        # Heron's formula: four times the area of the triangle of coupler, rocker and diagonal.
+        area = self._root_in_assembly((b + c) ** 2 - square, square - (b - c) ** 2, theta, folds)
+        # Along the diagonal by the law of cosines, and across it by the area.
+        along = (b - c) * (b + c) + square
+        vector = diagonal * (along + 1j * area) / (2 * square)
+        return _Position(vector / b, (vector - diagonal) / c, area / (2 * b * c))
 
-    def _height(self, p: _Number, q: _Number, folds: tuple[bool, bool], theta: _Number) -> _Number:
+    def _root_in_assembly(
+        self, p: _Number, q: _Number, angle: _Number, folds: tuple[bool, bool]
+    ) -> _Number:
         """Returns sqrt(p q) with the sign of the assembly, which alternates at change points.
+
+        Args:
+            p: First factor, which is least where the angle is pi.
+            q: Second factor, which is least where the angle is 0.
+            angle: Crank angle from the axis of symmetry of p and q, rad.
+            folds: Whether p, and whether q, has a double root there: a change point.
 
         Raises:
             UnreachableError: p or q is negative, so the loop cannot close.
@@ -129,32 +172,48 @@ class Reference:
         # At an exact change point rounding may make the product negative.
         rounding = mp.mpf(10) ** (10 - mp.dps) * (abs(p) + abs(q)) if any(folds) else 0
         if min(p, q) < -rounding:
-            raise UnreachableError('the loop does not close', crank_angle=float(theta), arcs=())
-        height = mp.sqrt(max(p, 0)) * mp.sqrt(max(q, 0))
-        turns = zip(folds, (mp.cos(theta / 2), mp.sin(theta / 2)), strict=True)
-        passed = sum(folds_there and part < 0 for folds_there, part in turns)
-        return height if (self._mechanism.assembly == OPEN) != passed % 2 else -height
+            raise UnreachableError('the loop does not close', crank_angle=float(angle), arcs=())
+        root = mp.sqrt(max(p, 0)) * mp.sqrt(max(q, 0))
+        # cos(angle / 2) changes its sign at pi, and sin(angle / 2) at 0.
+        p_folds, q_folds = folds
+        has_passed_pi = p_folds and mp.cos(angle / 2) < 0
+        has_passed_0 = q_folds and mp.sin(angle / 2) < 0
+        is_positive = (self._mechanism.assembly == OPEN) != (has_passed_pi != has_passed_0)
+        return root if is_positive else -root
 
-    def _solve(
-        self, crank: _Number, coupler: _Number, output: _Number, _: _Number
-    ) -> dict[str, tuple[_Number, ...]]:
+    def _solve(self, crank: _Number, position: _Position) -> dict[str, tuple[_Number, ...]]:
         """Computes rates, accelerations and, by virtual power, the torque at a position."""
-        (speed, change), bodies = map(mp.mpf, self._motion), self._bodies
-        numbers = [mp.expj(crank), coupler, output, *self._dyads(crank, coupler, output)]
-        places, still = list(map(_vector, numbers)), [mp.mpf(0)] * len(self.slides)
-        slopes = bodies.closed(places, [mp.mpf(1), *still], still)
+        loop = position.coupler, position.output
+        numbers = [mp.expj(crank), *loop, *self._dyads(crank, *loop)]
+        places = [_vector(number) for number in numbers]
+        count, bodies = len(places), self._bodies
+        speed, change = map(mp.mpf, self._motion)
+        # The crank's rate is given, those of the other links follow. There are as many gaps of
+        # loop and dyads, in x and y, as other links.
+        unknown = [mp.mpf(0)] * (count - 1)
+        no_gap_speeds = [mp.mpf(0)] * (count - 1)
+        slopes = bodies.closed(places, [mp.mpf(1), *unknown], no_gap_speeds)
         rates = [slope * speed for slope in slopes]
-        rows, right = bodies.system(places, rates)
-        changes = bodies.closed(places, [change, *still], right[len(places) :])
-        forces = [sum(map(operator.mul, row, changes)) for row in rows]
-        powers = (x * (y - z) for x, y, z in zip(slopes, forces, right, strict=False))
+        # The first rows and columns are those of the links, the others those of the multipliers.
+        matrix, right = bodies.system(places, rates)
+        masses = [row[:count] for row in matrix[:count]]
+        applied, bias = right[:count], right[count:]
+        accelerations = bodies.closed(places, [change, *unknown], bias)
+        inertial = [
+            sum(mass * acceleration for mass, acceleration in zip(row, accelerations, strict=True))
+            for row in masses
+        ]
+        powers = (
+            slope * (force - load)
+            for slope, force, load in zip(slopes, inertial, applied, strict=True)
+        )
         return {
             'position': tuple(
                 number.real if slides else mp.arg(number)
                 for number, slides in zip(numbers[1:], self.slides, strict=True)
             ),
             'rate': tuple(rates[1:]),
-            'acceleration': tuple(changes[1:]),
+            'acceleration': tuple(accelerations[1:]),
             'torque': (sum(powers),),
         }
 
