@@ -31,7 +31,6 @@ from linkage_ros.internals import LARGEST, read_xml
 from linkage_ros.quantities import shown
 
 _KINDS = {0: 'free', 1: BALL, 2: PRISMATIC, 3: REVOLUTE}  # by mjtJoint
-_CONNECT, _WELD, _JOINT, _TENDON = 0, 1, 2, 3  # mjtEq
 _AT_JOINT = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT
 _END = ': left out'
 # MuJoCo's compiler takes quadratic time.
@@ -340,26 +339,33 @@ class _Reader:
         if self._is_disabled('EQUALITY') or self._is_disabled('CONSTRAINT'):
             others.append(f'{name} is disabled by <flag>')
             return
-        # The second object is -1 if the file gives one.
-        for at in (int(equality.obj1id[0]), int(equality.obj2id[0])):
-            if int(equality.type[0]) == _JOINT and at >= 0:
-                self._leave_out(at, f'constraint {name}')
-            elif int(equality.type[0]) == _TENDON and at >= 0:
-                self.pulled.setdefault(at, []).append(f'constraint {name}')
-        if int(equality.type[0]) not in {_CONNECT, _WELD}:
+        objects = [int(equality.obj1id[0]), int(equality.obj2id[0])]
+        if kind not in {'connect', 'weld'}:
             others.append(f'{name} is not a closure')
+            self._leave_out_equality(kind, objects, f'constraint {name}')
             return
         is_site = model.eq_objtype[number] == mujoco.mjtObj.mjOBJ_SITE
         known = self.sites if is_site else self.bodies
-        first, second = (known[int(i[0])] for i in (equality.obj1id, equality.obj2id))
-        points, turn = (np.zeros(3), np.zeros(3)), np.eye(3)
+        first, second = (known[i] for i in objects)
+        at_first, at_second, turn = np.zeros(3), np.zeros(3), np.eye(3)
         if not is_site:
-            near, far, quaternion = np.split(equality.data[:10].copy(), (3, 6))
-            points = near, far
-            if int(equality.type[0]) == _WELD:  # MuJoCo stores the point of the second body first
-                points, turn = (far, near), from_quaternion(*quaternion)
-        if int(equality.type[0]) == _CONNECT:
-            closures.append(Closure(name, (first, second), points))
-            return
-        pose, inside = Transform(turn, points[0]), Transform(np.eye(3), points[1])
-        self.joints.append(Joint('', FIXED, first, second, pose, inside))
+            data = equality.data.copy()
+            if kind == 'connect':
+                at_first, at_second = data[:3], data[3:6]
+            else:  # MuJoCo stores the point of the second body first
+                at_second, at_first, turn = data[:3], data[3:6], from_quaternion(*data[6:10])
+        if kind == 'connect':
+            closures.append(Closure(name, (first, second), (at_first, at_second)))
+        else:
+            pose, inside = Transform(turn, at_first), Transform(np.eye(3), at_second)
+            self.joints.append(Joint('', FIXED, first, second, pose, inside))
+
+    def _leave_out_equality(self, kind: str, objects: list[int], text: str) -> None:
+        """Notes a constraint that is left out at its joints or tendons."""
+        for at in objects:
+            if at < 0:  # the file gives no second object
+                continue
+            if kind == 'joint':
+                self._leave_out(at, text)
+            elif kind == 'tendon':
+                self.pulled.setdefault(at, []).append(text)
