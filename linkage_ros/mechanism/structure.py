@@ -10,7 +10,7 @@ from linkage_ros.formulas import ZERO, Vector, cos, sin, turned
 from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.dyads import Dyad
 from linkage_ros.mechanism.kinematics import State
-from linkage_ros.mechanism.parts import Body
+from linkage_ros.mechanism.parts import FRAME_NAME, Body
 from linkage_ros.mechanism.wrenches import FRAME
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import shown
@@ -338,7 +338,7 @@ class Structure(NamedTuple):
         Raises:
             ConfigurationError: No link has this name.
         """
-        index = None if carrier == 'frame' else self.link_index(carrier, dyad)
+        index = None if carrier == FRAME_NAME else self.link_index(carrier, dyad)
         point = self.point_of(FRAME if index is None else index, at)
         return End(index, complex(*at), point)
 
@@ -407,7 +407,13 @@ class Structure(NamedTuple):
         return pin.along(spin, arm.real, arm.imag)
 
     def place_of(
-        self, what: str, link: str, at: tuple[float, float] | None, pin: str, *others: str
+        self,
+        what: str,
+        link: str,
+        at: tuple[float, float] | None,
+        pin: str,
+        *,
+        frame_allowed: bool = False,
     ) -> tuple[int, Point]:
         """Returns where a load acts.
 
@@ -417,7 +423,7 @@ class Structure(NamedTuple):
             at: The place on the link; None for its first pin. See `point_of`.
             pin: Name of a pin, which acts on the link that carries it, or of a traced point;
                 empty if a link is given.
-            *others: 'frame' if the load may act on it.
+            frame_allowed: Whether the load may act on the frame.
 
         Returns:
             Index of the link, or FRAME, and the point.
@@ -425,32 +431,49 @@ class Structure(NamedTuple):
         Raises:
             ConfigurationError: There is no such link or pin, or both are given.
         """
-        if not pin and not link:
-            valid = ', '.join((*(x.name for x in self.links), *others))
-            raise ConfigurationError(f'{what} is missing: must be one of {valid}; or give pin')
         if not pin:
-            is_fixed = link in others
-            index = FRAME if is_fixed else self.link_index(link, what, *others)
+            index = self._index_of_link(what, link, frame_allowed=frame_allowed)
             return index, self.point_of(index, at or (0.0, 0.0))
         if link or at is not None:
             raise ConfigurationError(
                 f'{what} and its place: leave them out beside pin = {shown(pin)}, or leave out pin'
             )
-        carriers = {joint.name: joint.first for joint in reversed(self.pins)}
-        names = [x.name for x in self.links]
-        carriers |= {name: names.index(x) for name, x in self.traced.items()}
+        return self._carrier_of(what, pin, frame_allowed=frame_allowed), self.points[pin]
+
+    def _index_of_link(self, what: str, link: str, *, frame_allowed: bool) -> int:
+        """Returns the index of the link on which a load acts, or FRAME; see `place_of`.
+
+        Raises:
+            ConfigurationError: There is no such link, or the frame is not allowed.
+        """
+        others = [FRAME_NAME] if frame_allowed else []
+        if not link:
+            valid = ', '.join((*(x.name for x in self.links), *others))
+            raise ConfigurationError(f'{what} is missing: must be one of {valid}; or give pin')
+        return FRAME if link in others else self.link_index(link, what, *others)
+
+    def _carrier_of(self, what: str, pin: str, *, frame_allowed: bool) -> int:
+        """Returns the index of the link that carries a pin or traced point, or FRAME.
+
+        Raises:
+            ConfigurationError: There is no such pin, or the frame carries it but is not allowed.
+        """
+        # Of several joints at a pin, the first counts: it replaces those after it.
+        carriers = {
+            joint.name: FRAME if joint.first is None else joint.first
+            for joint in reversed(self.pins)
+        }
+        names = [link.name for link in self.links]
+        carriers |= {point: names.index(link) for point, link in self.traced.items()}
         if pin not in carriers:
             raise ConfigurationError(
                 f'{what}: no pin {shown(pin)}; must be one of {", ".join(carriers)}'
             )
-        carrier = carriers[pin]
-        if carrier is None:
-            if not others:
-                raise ConfigurationError(
-                    f'{what}: the frame carries the pin {shown(pin)}; give link and at instead'
-                )
-            return FRAME, self.points[pin]
-        return carrier, self.points[pin]
+        if carriers[pin] == FRAME and not frame_allowed:
+            raise ConfigurationError(
+                f'{what}: the frame carries the pin {shown(pin)}; give link and at instead'
+            )
+        return carriers[pin]
 
     def loop_residual(self, state: State) -> float:
         """Computes the largest closure error of loop and dyads, m, at a state of floats."""

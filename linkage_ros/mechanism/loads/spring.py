@@ -94,7 +94,9 @@ class Spring(AppliedLoad):
         to = '' if self.to_pin and self.to == FRAME_NAME else self.to
         return (
             structure.place_of(f'{self.label}.link', self.link, self.at, self.pin),
-            structure.place_of(f'{self.label}.to', to, self.to_at, self.to_pin, FRAME_NAME),
+            structure.place_of(
+                f'{self.label}.to', to, self.to_at, self.to_pin, frame_allowed=True
+            ),
         )
 
 
