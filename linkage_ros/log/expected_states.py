@@ -54,7 +54,7 @@ class Rows(NamedTuple):
 
 
 # Index of a segment of motion, by linkage.
-Numbers: TypeAlias = dict[str, int]
+Segments: TypeAlias = dict[str, int]
 
 
 def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
@@ -116,7 +116,7 @@ class ExpectedStates(ABC):
     @abstractmethod
     def fitting(
         self, linkages: tuple[str, ...], stamps: npt.NDArray[np.int64]
-    ) -> Iterator[tuple[Numbers, list[int]]]:
+    ) -> Iterator[tuple[Segments, list[int]]]:
         """Finds the segments that may contain the next stamps, starting with the current ones.
 
         If the clock was set back, segments may overlap. The caller must then compare the states to
@@ -151,7 +151,7 @@ class ExpectedStates(ABC):
             LinkageError: A stamp has no state, or the messages give an invalid motion.
         """
 
-    def elapsed(self, _: Numbers, stamps: list[int]) -> list[int]:
+    def elapsed(self, _: Segments, stamps: list[int]) -> list[int]:
         """Returns the times of states, ns, which a step of the clock does not change.
 
         They determine when messages expire.
@@ -168,12 +168,12 @@ class ExpectedStates(ABC):
 
     @abstractmethod
     def take(
-        self, numbers: Numbers, ticks: list[int], efforts: Mapping[str, RowPart]
+        self, segments: Segments, ticks: list[int], efforts: Mapping[str, RowPart]
     ) -> tuple[int, str]:
         """Advances past states whose messages are equal.
 
         Args:
-            numbers: Index of the states' segment, by linkage.
+            segments: Index of the states' segment, by linkage.
             ticks: Ticks of the states.
             efforts: Efforts of the last state, by linkage.
 
@@ -285,15 +285,15 @@ class TickStates(ExpectedStates):
 
     def fitting(
         self, linkages: tuple[str, ...], stamps: npt.NDArray[np.int64]
-    ) -> Iterator[tuple[Numbers, list[int]]]:
+    ) -> Iterator[tuple[Segments, list[int]]]:
         """Finds segments by their stamps; see `ExpectedStates`."""
         first, *others = ([*self._linkages[name].fitting(stamps)] for name in linkages)
         for start in first:
             tick = start[1][0]
             same = [[one for one in found if one[1][0] == tick] for found in others]
             for chosen in product([start], *same):
-                numbers = dict(zip(linkages, (number for number, _ in chosen), strict=True))
-                yield numbers, min((ticks for _, ticks in chosen), key=len)
+                segments = dict(zip(linkages, (number for number, _ in chosen), strict=True))
+                yield segments, min((ticks for _, ticks in chosen), key=len)
 
     def coordinates(
         self, linkage: str, number: int, stamps: list[int], rows: Rows, forces: Forces
@@ -305,20 +305,20 @@ class TickStates(ExpectedStates):
         """Computes the motion up to a stamp; see `ExpectedStates`."""
         return self._linkages[linkage].has_ended(stamp)
 
-    def elapsed(self, numbers: Numbers, stamps: list[int]) -> list[int]:
+    def elapsed(self, segments: Segments, stamps: list[int]) -> list[int]:
         """Returns the times since tick 0; see `ExpectedStates`."""
-        name, number = next(iter(numbers.items()))
+        name, number = next(iter(segments.items()))
         return [stamp - self._linkages[name].anchors[number] for stamp in stamps]
 
     def take(
         self,
-        numbers: Numbers,
+        segments: Segments,
         ticks: list[int],
         efforts: Mapping[str, RowPart],  # noqa: ARG002, others keep them
     ) -> tuple[int, str]:
         """Counts the ticks before and between states; see `ExpectedStates`."""
         wrong = ''
-        for name, number in numbers.items():
+        for name, number in segments.items():
             count, difference = self._linkages[name].take(number, ticks)
             if difference:
                 ticks, wrong = ticks[:count], f'{prefix_of(name, ": ")}{difference}'
@@ -338,7 +338,7 @@ class MeasuredStates(ExpectedStates):
         self._cranks = robot.inputs()[MEASURED_JOINT_STATES]
         self._channel = log.channel(MEASURED_JOINT_STATES)
         self._motions: dict[str, tuple[Any, ...]] = log.motions
-        self._numbers = dict.fromkeys(robot.names, 0)
+        self._segments = dict.fromkeys(robot.names, 0)
         # Measurements whose states are still to be compared.
         self._next: list[Measurement] = []
         self._efforts = HeldEfforts(robot.names)
@@ -356,7 +356,7 @@ class MeasuredStates(ExpectedStates):
 
     def fitting(
         self, linkages: tuple[str, ...], stamps: npt.NDArray[np.int64]
-    ) -> Iterator[tuple[Numbers, list[int]]]:
+    ) -> Iterator[tuple[Segments, list[int]]]:
         """Yields the leading stamps that match the next measurements; see `ExpectedStates`."""
         due = self._next[0].linkages if self._next else None
         fit = [
@@ -369,12 +369,12 @@ class MeasuredStates(ExpectedStates):
         if not fit or not due or due[0] != linkages:
             return
         for chosen in product(*(self._segments_of(name, fit) for name in linkages)):
-            numbers = dict(zip(linkages, (number for number, _ in chosen), strict=True))
-            yield numbers, min((ticks for _, ticks in chosen), key=len)
+            segments = dict(zip(linkages, (number for number, _ in chosen), strict=True))
+            yield segments, min((ticks for _, ticks in chosen), key=len)
 
     def _segments_of(self, name: str, fit: list[int]) -> list[tuple[int, list[int]]]:
         """Returns the segments of a linkage that may begin with stamps, and their stamps."""
-        number, found = self._numbers[name], []
+        number, found = self._segments[name], []
         ends = [motion.stamp for motion in self._motions[name][number : number + 2]]
         # If a bag is looped, the stamp at which gravity changes occurs again.
         if fit[:1] == ends[:1]:
@@ -405,10 +405,10 @@ class MeasuredStates(ExpectedStates):
         return {**self._efforts.values, **dict.fromkeys(self._next[0].refused, 0.0)}
 
     def take(
-        self, numbers: Numbers, ticks: list[int], efforts: Mapping[str, RowPart]
+        self, segments: Segments, ticks: list[int], efforts: Mapping[str, RowPart]
     ) -> tuple[int, str]:
         """Advances past measurements; see `ExpectedStates`."""
-        self._numbers |= numbers
+        self._segments |= segments
         self._efforts.end(self._next[0].refused)
         self._efforts.hold(efforts)
         del self._next[: len(ticks)]

@@ -27,8 +27,8 @@ import numpy.typing as npt
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.expected_states import (
     MeasuredStates,
-    Numbers,
     Rows,
+    Segments,
     TickStates,
     check_motions,
 )
@@ -271,10 +271,10 @@ class Verification:
         layout = self._layout
         stamps, count = layout.stamps(rows), 0
         wrong = self._wrong_linkages(int(stamps[0]))
-        for numbers, ticks in () if wrong else self._expected.fitting(layout.linkages, stamps):
+        for segments, ticks in () if wrong else self._expected.fitting(layout.linkages, stamps):
             logged = rows[: len(ticks) * layout.size]
             again = functools.partial(
-                self._again, numbers, stamps[: len(ticks)].tolist(), Rows(layout, logged)
+                self._recompute, segments, stamps[: len(ticks)].tolist(), Rows(layout, logged)
             )
             try:
                 parts, made = again()
@@ -287,7 +287,7 @@ class Verification:
             wrong = wrong or difference
             if count:
                 last = {name: part.at(count - 1) for name, part in parts.items()}
-                count, wrong = self._expected.take(numbers, ticks[:count], last)
+                count, wrong = self._expected.take(segments, ticks[:count], last)
                 self._zeros.take(layout, rows[: count * layout.size])
                 break
         else:
@@ -325,28 +325,34 @@ class Verification:
             )
         return self._comparisons[names]
 
-    def _again(
-        self, numbers: Numbers, stamps: list[int], rows: Rows
+    def _recompute(
+        self, segments: Segments, stamps: list[int], rows: Rows
     ) -> tuple[dict[str, RowPart], bytearray]:
-        """Recomputes the rows at the given stamps of segments.
+        """Recomputes logged rows.
+
+        Args:
+            segments: Index of the segment of each linkage, by its name.
+            stamps: Stamps of the rows, ns.
+            rows: The logged rows, and their layout.
 
         Returns:
-            The numbers of each linkage, and the rows.
+            The part of each linkage, by its name, and the rows.
 
         Raises:
             LinkageError: A logged row does not describe a valid state.
         """
-        expected, (layout, data) = self._expected, rows
-        forces = self._forces.at(self.states, expected.elapsed(numbers, stamps))
+        expected, layout = self._expected, rows.layout
+        forces = self._forces.at(self.states, expected.elapsed(segments, stamps))
         parts = {
             name: self._robot.simulators[name].part(
-                *expected.coordinates(name, number, stamps, rows, forces[name])
+                *expected.coordinates(name, segment, stamps, rows, forces[name])
             )
-            for name, number in numbers.items()
+            for name, segment in segments.items()
         }
-        times = stamps if expected.is_record else layout.column(data, layout.times)
-        numbers_of_rows = self._robot.row(parts, expected.held())
-        return parts, layout.rows(times, stamps, numbers_of_rows)
+        # The log times of a live run cannot be recomputed; those of a record are the stamps.
+        times = stamps if expected.is_record else layout.column(rows.data, layout.times)
+        columns = self._robot.row(parts, expected.held())
+        return parts, layout.rows(times, stamps, columns)
 
 
 def _description_ulp(logged: bytes, due: bytes) -> float:
