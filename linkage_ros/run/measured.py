@@ -60,6 +60,20 @@ class Answers(NamedTuple):
     linkages: tuple[str, ...]
 
 
+class _Saved(NamedTuple):
+    """What messages change, by linkage.
+
+    Attributes:
+        filters: State of the filters; see `MeasuredCrank.tracked`.
+        rejected: Number of rejected messages, by cause.
+        efforts: The held efforts.
+    """
+
+    filters: dict[str, Any]
+    rejected: dict[str, Counter[str]]
+    efforts: dict[str, float]
+
+
 class MeasuredStates:
     """Answers messages, with the same results as `SharedInput.read` for each of them.
 
@@ -88,20 +102,35 @@ class MeasuredStates:
     def answers(self, messages: Iterable[tuple[int, bytes]]) -> list[Answers]:
         """Answers messages; rejected ones are counted.
 
+        The messages are first read without checking that each state exists, which is faster. If
+        one does not, filters, counts and efforts are restored, and all messages are read again
+        with the check.
+
         Args:
             messages: Time of receipt, ns, and CDR bytes of each JointState.
         """
-        messages, sources = [*messages], self._sources.values()
-        before = [(crank, crank.tracked(), crank.rejected.copy()) for crank in sources]
-        held = {**self._held.values}
+        messages, before = [*messages], self._saved()
         try:
             return [*self._answers(messages, MeasuredCrank.measure)]
         except LinkageError:  # of at least one state
-            for crank, tracked, rejected in before:
-                crank.take_back(tracked)
-                crank.rejected = rejected
-            self._held.values = held
+            self._restore(before)
             return [*self._answers(messages, MeasuredCrank.read)]
+
+    def _saved(self) -> _Saved:
+        """Returns what a message changes, for `_restore`."""
+        cranks = self._sources.items()
+        return _Saved(
+            {name: crank.tracked() for name, crank in cranks},
+            {name: crank.rejected.copy() for name, crank in cranks},
+            {**self._held.values},
+        )
+
+    def _restore(self, before: _Saved) -> None:
+        """Sets filters, counts and efforts to what they were."""
+        for name, crank in self._sources.items():
+            crank.take_back(before.filters[name])
+            crank.rejected = before.rejected[name]
+        self._held.values = before.efforts
 
     def _answers(
         self,
