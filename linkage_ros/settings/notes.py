@@ -3,7 +3,6 @@
 """Notes values of a configuration that are possible, but probably a mistake."""
 
 import math
-import re
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -247,14 +246,11 @@ def _near_change_point(linkage: Linkage) -> Iterator[str]:
     mechanism = linkage.mechanism
     if not mechanism.drawn or not (reach := mechanism.reach()) or not reach.near_equalities:
         return
-    own = (link.name for link in mechanism.loop_structure().links)
-    names = dict(zip(own, mechanism.drawn.links, strict=True))
-    sums = '; '.join(reach.near_equalities)
-    sums = re.sub(r'[a-z]+', lambda word: names.get(word[0], word[0]), sums)
+    sums = mechanism.in_own_names('; '.join(reach.near_equalities))
+    length = f'drawing.links.{mechanism.drawn.links[0]}.length'
     yield (
         f'of the lengths drawn, {sums}: nearly a change point; if it is to be 0, give a link of '
-        'the loop its length, such as drawing.links.'
-        f'{mechanism.drawn.links[0]}.length, which replaces the distance drawn'
+        f'the loop its length, such as {length}, which replaces the distance drawn'
     )
 
 
