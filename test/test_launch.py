@@ -7,6 +7,7 @@ that they import, and start the nodes as launch_ros would.
 """
 
 import math
+import re
 import runpy
 import sys
 from pathlib import Path
@@ -381,6 +382,37 @@ def test_place_of_the_plane_on_the_robot_is_published(launched, leg):
 def by_name(data):
     state = deserialize_message(data, JointState)
     return dict(zip(state.name, state.position, strict=True))
+
+
+def test_two_legs_of_a_robot_are_linkages_of_one_node(launched, called, tmp_path):
+    robot, params = tmp_path / 'robot.urdf', tmp_path / 'robot.yaml'
+    legs = [re.sub('(joint name|link name|link)="', rf'\1="{side}_', LEG) for side in ('l', 'r')]
+    parts = [ET.fromstring(leg) for leg in legs]
+    parts[0].extend(parts[1])
+    root = ET.SubElement(parts[0], 'link', name='body')
+    for side in 'lr':
+        joint = ET.SubElement(parts[0], 'joint', name=f'{side}_mount', type='fixed')
+        ET.SubElement(joint, 'parent', link=root.get('name'))
+        ET.SubElement(joint, 'child', link=f'{side}_base')
+    robot.write_bytes(ET.tostring(parts[0]))
+    for side in 'lr':
+        close = [word if word.startswith('--') else f'{side}_{word}' for word in CLOSE]
+        arguments = robot, '-o', params, '--linkage', f'{side}_leg', *close
+        code, _, error = called(import_tool, *arguments)
+        assert code == 0, error
+    nodes, _ = launched(
+        ROBOT, 'robot_state_publisher', 'tf2_ros', urdf=str(robot), params=str(params),
+        frame_prefix='a/',
+    )  # fmt: skip
+    values = values_of(nodes['linkage_node'])
+    configuration = configure(values)
+    assert [linkage.name for linkage in configuration.linkages] == ['l_leg', 'r_leg']
+    assert {x.session.frame_id for x in configuration.linkages} == {
+        'a/l_thigh_plane', 'a/r_thigh_plane',
+    }  # fmt: skip
+    model = ET.fromstring(values_of(nodes['linkage_state_publisher'])['robot_description'])
+    renamed = {joint.get('name') for joint in model.iter('joint') if ',' in joint.get('name')}
+    assert renamed == {'l_knee_motor, measured', 'r_knee_motor, measured'}
 
 
 def test_robot_with_a_state_publisher_of_its_own_gets_that_of_the_linkage(launched, leg):
