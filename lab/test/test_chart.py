@@ -456,6 +456,18 @@ def test_several_mechanisms_are_drawn_side_by_side_with_one_table(tmp_path, call
         assert (np.abs(pixels * 255 - color).max(axis=-1) < 2).sum() > 500
 
 
+def test_a_sheet_without_diagrams_says_what_is_constant(tmp_path, called, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = CHANGE_POINT.replace(', mass: 1.0, center: [1.5, 0.2]', '')
+    for name in ('one', 'other'):
+        Path(f'{name}.yaml').write_text(text)
+    options = '--show', 'torque', '--format', 'svg'
+    for files in (['one.yaml'], ['one.yaml', 'other.yaml']):
+        code, _, error = called(command_line, 'motion', *files, *options)
+        assert code == 0, error
+    assert 'constant: driving torque' in Path('comparison.svg').read_text(encoding='utf-8')
+
+
 def test_diagrams_of_several_mechanisms_have_titles(tmp_path, called):
     options = '--show', 'position', 'velocity', 'torque', '--format', 'svg', '--out', tmp_path
     called(command_line, 'motion', 'press', 'compressor', *options)
