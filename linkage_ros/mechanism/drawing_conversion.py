@@ -31,7 +31,7 @@ from linkage_ros.mechanism.parts import (
     Slider,
 )
 from linkage_ros.mechanism.points import TracedPoint
-from linkage_ros.mechanism.slider_crank import SliderCrank
+from linkage_ros.mechanism.slider_crank import SLIDER, SliderCrank
 from linkage_ros.quantities import shown
 
 # The smallest sine of the angle at which two links meet that still tells their assembly: in the
@@ -88,6 +88,24 @@ class _Base(NamedTuple):
     kind: type[Mechanism]
     bodies: tuple[_Body, ...]
     pins: tuple[str, ...]
+
+
+class _Loop(NamedTuple):
+    """What a loop adds to its crank.
+
+    Attributes:
+        parts: Further arguments of the mechanism's class.
+        pins: Names of its pins by those in the class, besides A0 and A.
+        position: Position of the driven joint as drawn, rad or m.
+        untold: What is so in a drawing that does not tell the assembly.
+        block: See `Drawn`.
+    """
+
+    parts: dict[str, Any]
+    pins: dict[str, str]
+    position: float
+    untold: str
+    block: str = ''
 
 
 class _Axes(NamedTuple):
@@ -269,67 +287,83 @@ class Conversion:
 
     def loop(self, base: _Base) -> Mechanism:
         """Returns the mechanism of a loop, in the assembly that is drawn, from its crank's pin."""
-        A0, A, *rest = base.pins
-        crank, second, third = base.bodies
+        A0, A, *_ = base.pins
+        crank, *_ = base.bodies
         self.origin = self.at[A0]
         self.at = {name: place.minus(self.origin) for name, place in self.at.items()}
-        names, block = {'A0': A0, 'A': A}, ''
         self.turn(crank, A0, A)
         if base.kind is FourBar:
-            B, B0 = rest
-            self.turn(second, A, B)
-            self.turn(third, B0, B)
-            names |= {'B': B, 'B0': B0}
-            parts = {
-                'coupler': self.body(second, Coupler), 'rocker': self.body(third),
-                'frame': Frame(self.at[B0].length, self.at[B0].angle),
-            }  # fmt: skip
-            position = self.at[A].angle
-            untold = f'{second.name} and {third.name} are in line at {B}'
+            found = self.four_bar(base)
         elif base.kind is SliderCrank:
-            (B,) = rest
-            self.turn(second, A, B)
-            way = third.way
-            self.axes[third.name] = _Axes(self.at[B], way)
-            names |= {'B': B}
-            parts = {
-                'coupler': self.body(second, Coupler),
-                'slider': Slider(over_root(way.cross(self.at[B]), way.dot(way)), third.part.mass),
-                'frame': Guide(way.angle),
-            }
-            position, untold = self.at[A].angle, _across(B, second, third)
-            if self.drawing.input == third.name:
-                parts['input'] = 'slider'
-                position = over_root(way.dot(self.at[B]), way.dot(way))
-                untold = f'{crank.name} and {second.name} are in line at {A}'
+            found = self.slider_crank(base)
         else:
-            (B0,) = rest
-            arm, way = self.at[A].minus(self.at[B0]), (second.way if second.on else third.way)
-            if arm.dot(way) < 0:
-                way = Exact(-way.x, -way.y)
-            self.axes[second.name] = _Axes(self.at[B0], way)
-            self.axes[third.name] = _Axes(self.at[A], way)
-            names |= {'B0': B0, 'E': f'{second.name}_mouth'}
-            parts = {
-                'barrel': self.mass(second, Barrel), 'rod': self.mass(third, Rod),
-                'frame': Frame(self.at[B0].length, self.at[B0].angle),
-                'offset': over_root(way.cross(arm), way.dot(way)),
-            }  # fmt: skip
-            slide = second if second.on else third
-            position = self.at[A].angle
-            untold = f'the line of {slide.name} is at right angles to that from {B0} to {A}'
-            if self.drawing.input != crank.name:
-                parts['input'] = CYLINDER
-                position = over_root(way.dot(arm), way.dot(way))
-                untold = f'{A0}, {A} and {B0} are in line'
-            slides = {slide.name for slide in self.drawing.slides}
-            block = next((x.name for x in (second, third) if x.name in slides), '')
+            found = self.inverted_slider_crank(base)
         drawn = Drawn(
-            tuple(body.name for body in base.bodies), tuple(names.items()), self.at[A].angle,
-            position, block,
-        )  # fmt: skip
-        kind = cast('Any', base.kind)
-        return self.in_assembly(kind, untold, crank=self.body(crank), drawn=drawn, **parts)
+            links=tuple(body.name for body in base.bodies),
+            points=(('A0', A0), ('A', A), *found.pins.items()),
+            crank_angle=self.at[A].angle,
+            position=found.position,
+            block=found.block,
+        )
+        parts = {'crank': self.body(crank), 'drawn': drawn, **found.parts}
+        return self.in_assembly(cast('Any', base.kind), found.untold, **parts)
+
+    def four_bar(self, base: _Base) -> _Loop:
+        """Returns what a loop with a rocker adds to its crank."""
+        (_, A, B, B0), (_, coupler, rocker) = base.pins, base.bodies
+        self.turn(coupler, A, B)
+        self.turn(rocker, B0, B)
+        parts = {
+            'coupler': self.body(coupler, Coupler),
+            'rocker': self.body(rocker),
+            'frame': Frame(self.at[B0].length, self.at[B0].angle),
+        }
+        untold = f'{coupler.name} and {rocker.name} are in line at {B}'
+        return _Loop(parts, {'B': B, 'B0': B0}, self.at[A].angle, untold)
+
+    def slider_crank(self, base: _Base) -> _Loop:
+        """Returns what a loop with a slide on the frame adds to its crank."""
+        (_, A, B), (crank, coupler, slide) = base.pins, base.bodies
+        self.turn(coupler, A, B)
+        way = slide.way
+        self.axes[slide.name] = _Axes(self.at[B], way)
+        offset = over_root(way.cross(self.at[B]), way.dot(way))
+        parts = {
+            'coupler': self.body(coupler, Coupler),
+            'slider': Slider(offset, slide.part.mass),
+            'frame': Guide(way.angle),
+        }
+        if self.drawing.input != slide.name:
+            return _Loop(parts, {'B': B}, self.at[A].angle, _across(B, coupler, slide))
+        position = over_root(way.dot(self.at[B]), way.dot(way))
+        untold = f'{crank.name} and {coupler.name} are in line at {A}'
+        return _Loop({**parts, 'input': SLIDER}, {'B': B}, position, untold)
+
+    def inverted_slider_crank(self, base: _Base) -> _Loop:
+        """Returns what a loop with a slide on a moving link adds to its crank."""
+        (A0, A, B0), (crank, barrel, rod) = base.pins, base.bodies
+        slide = barrel if barrel.on else rod  # each may be drawn as the body that slides
+        arm, way = self.at[A].minus(self.at[B0]), slide.way
+        if arm.dot(way) < 0:  # the rod's position is positive as drawn
+            way = Exact(-way.x, -way.y)
+        self.axes[barrel.name] = _Axes(self.at[B0], way)
+        self.axes[rod.name] = _Axes(self.at[A], way)
+        parts = {
+            'barrel': self.mass(barrel, Barrel),
+            'rod': self.mass(rod, Rod),
+            'frame': Frame(self.at[B0].length, self.at[B0].angle),
+            'offset': over_root(way.cross(arm), way.dot(way)),
+        }
+        pins = {'B0': B0, 'E': f'{barrel.name}_mouth'}
+        # A slide, unlike a cylinder, is drawn as a block.
+        slides = {drawn.name for drawn in self.drawing.slides}
+        block = slide.name if slide.name in slides else ''
+        if self.drawing.input == crank.name:
+            untold = f'the line of {slide.name} is at right angles to that from {B0} to {A}'
+            return _Loop(parts, pins, self.at[A].angle, untold, block)
+        position = over_root(way.dot(arm), way.dot(way))
+        untold = f'{A0}, {A} and {B0} are in line'
+        return _Loop({**parts, 'input': CYLINDER}, pins, position, untold, block)
 
     def in_assembly(self, kind: Any, untold: str, **parts: Any) -> Mechanism:
         """Returns the mechanism in the assembly whose links are nearest to the drawn ones.
