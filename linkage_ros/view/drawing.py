@@ -137,32 +137,19 @@ class Drawing:
         Returns:
             The link of each point that is not an end of a link, by point.
         """
-        (_, last), *_ = structure.closures
-        output = self._links[last]
-        loop = [self._names[structure.points[x]] for x in _pins_of_the_loop(structure)]
-        self.ends = dict(zip(self.turning, pairwise(loop), strict=False))
-        # The owner of a pin between two links is the later link.
-        self.owners = dict(zip(loop[2:], self.joints[2 : last + 1], strict=False))
+        self.ends = dict[str, tuple[str, str]]()
+        self.owners = dict[str, str]()
         # The pin of each block, by the index of its link, and the mouth of the barrel of each
         # dyad's rod.
-        self._blocks = {last: loop[-1]} if output.is_guided else {}
-        self._mouths = dict[int, str]()
+        self._blocks, self._mouths = dict[int, str](), dict[int, str]()
         # The pivot and the other pin of pairs whose direction these give, by the index of the
         # barrel or of the link with the slot.
         self._pairs = dict[int, tuple[str, str]]()
-        if output.slides and not output.is_guided:
-            barrel, mouth = cast('int', output.parent), structure.mouth
-            pivot = next(pin.name for pin in structure.pins if pin.second == barrel)
-            if self._block:
-                self._add_slot(last, pivot, loop[-1])
-            else:
-                self.ends |= {self.joints[barrel]: (pivot, mouth), output.name: (mouth, loop[-1])}
-                self.owners[mouth] = self.joints[barrel]
-                loop.append(mouth)
+        loop = self._add_loop(structure)
         asides = self._add_dyads(structure)
         known = {*loop, *asides, *self.owners}
         for name in self.pins:
-            if name not in known:
+            if name not in known:  # a traced point, or else a point of the last link that moves it
                 *_, link = np.flatnonzero(structure.points[name].weights)
                 asides[name] = structure.traced.get(name, self.joints[link])
         # A traced point at a pin is that pin.
@@ -170,6 +157,28 @@ class Drawing:
         self.traced = tuple(name for name in links if name in self.pins)
         self.owners |= {name: links[name] for name in self.traced if name not in self.owners}
         return asides
+
+    def _add_loop(self, structure: Structure) -> list[str]:
+        """Finds the ends and owners in the loop; returns its points in order."""
+        (_, last), *_ = structure.closures
+        output = self._links[last]
+        loop = [self._names[structure.points[x]] for x in _pins_of_the_loop(structure)]
+        self.ends |= zip(self.turning, pairwise(loop), strict=False)  # dyads' links follow
+        # The owner of a pin between two links is the later link.
+        self.owners |= zip(loop[2:], self.joints[2 : last + 1], strict=False)
+        if output.is_guided:
+            self._blocks[last] = loop[-1]
+        elif output.slides:
+            barrel = cast('int', output.parent)
+            pivot = next(pin.name for pin in structure.pins if pin.second == barrel)
+            if self._block:
+                self._add_slot(last, pivot, loop[-1])
+            else:
+                mouth = structure.mouth
+                self.ends |= {self.joints[barrel]: (pivot, mouth), output.name: (mouth, loop[-1])}
+                self.owners[mouth] = self.joints[barrel]
+                loop.append(mouth)
+        return loop
 
     def _ground(self, swept: Array) -> list[Array]:
         """Draws the pivots, and the guides of the sliders; see `place` for the points."""
