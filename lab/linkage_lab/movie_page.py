@@ -23,6 +23,7 @@ from linkage_ros.palette import GREY, SECOND, Color
 
 _SIZE, _TALLEST = 480, 400  # px, width of a picture, and largest height of the linkage
 _ROOM = 26  # px around the linkage, for the names of its pins
+_BAR = 24  # px below the linkage, for the scale bar
 _NAME = 17  # px from a pin to the middle of its name
 _LETTER = 12  # px, at most a letter's mean width in a name, on a phone
 # Margins of the curves and the height of one, px.
@@ -162,6 +163,76 @@ def _linkage(period: Period) -> _Linkage:
     return _Linkage(drawing, pins, drawing.links(pins), drawing.loads(positions, rates))
 
 
+class _Canvas(NamedTuple):
+    """The area of the picture in which the mechanism is drawn.
+
+    Attributes:
+        low: Its lower left corner, m.
+        high: Its upper right corner, m.
+    """
+
+    low: Array
+    high: Array
+
+    @classmethod
+    def around(cls, points: Array) -> '_Canvas':
+        """Encloses points, m, shape (n, 2)."""
+        return cls(points.min(axis=0), points.max(axis=0))
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of the area, m; above 0, because every pivot has a symbol."""
+        width, height = (self.high - self.low).tolist()
+        return width, height
+
+    @property
+    def scale(self) -> float:
+        """Pixels per m."""
+        width, height = self.size
+        return min((_SIZE - 2 * _ROOM) / width, (_TALLEST - 2 * _ROOM) / height)
+
+    @property
+    def left(self) -> float:
+        """Pixels to the left of the area, which is in the middle."""
+        width, _ = self.size
+        return 0.5 * (_SIZE - self.scale * width)
+
+    @property
+    def height(self) -> int:
+        """Height of the picture, with room for the scale bar below, pixels."""
+        _, height = self.size
+        return round(self.scale * height) + 2 * _ROOM + _BAR
+
+    def place(self, points: Array) -> Array:
+        """Converts points from m to pixels, from the upper left corner."""
+        right, up = np.moveaxis(points - self.low, -1, 0)
+        across = self.left + self.scale * right
+        return np.stack([across, self.height - _BAR - _ROOM - self.scale * up], axis=-1)
+
+
+def _more_room(labels: list[tuple[Array, str]]) -> int:
+    """Returns the pixels that long names need at each side, beyond the width of the picture.
+
+    Args:
+        labels: Places of each name from the left, pixels, and the name.
+    """
+    reach: float = max(
+        np.abs(x - 0.5 * _SIZE).max() + 0.5 * _LETTER * len(name) for x, name in labels
+    )
+    return max(0, math.ceil(reach - 0.5 * _SIZE))
+
+
+def _line(points: Array, color: Color, width: float) -> str:
+    """Draws a line that does not move, through points in pixels."""
+    return f'<polyline points="{_spaced(points)}" stroke="rgb{color}" stroke-width="{width:g}"/>'
+
+
+def _moving_line(shape: Array, color: Color, width: float) -> str:
+    """Draws a line that the page moves, of shape (samples, points, 2)."""
+    points = shape.shape[1]
+    return f'<polyline data-points="{points}" stroke="rgb{color}" stroke-width="{width:g}"/>'
+
+
 def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:
     """Draws the mechanism.
 
@@ -180,59 +251,36 @@ def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:
     )
     paths = [(pins[:, drawing.pins.index(pin)], owner) for pin, owner in drawing.owners.items()]
     lines = [*drawing.ground, *(path for path, _ in paths), *links.values(), *loads.values()]
-    points = np.concatenate([line.reshape(-1, 2) for line in lines])
-    low, high = points.min(axis=0), points.max(axis=0)
-    size = high - low
-    scale = min((_SIZE - 2 * _ROOM) / size[0], (_TALLEST - 2 * _ROOM) / size[1])
-    height = round(scale * size[1]) + 2 * _ROOM + 24
-    left = 0.5 * (_SIZE - scale * size[0])
-
-    def place(points: Array) -> Array:
-        right, up = np.moveaxis(points - low, -1, 0)
-        return np.stack([left + scale * right, height - 24 - _ROOM - scale * up], axis=-1)
-
-    def line(points: Array, color: Color, width: float) -> str:
-        return (
-            f'<polyline points="{_spaced(place(points))}" stroke="rgb{color}" '
-            f'stroke-width="{width:g}"/>'
-        )
-
-    def moving(shape: Array, color: Color, width: float) -> str:
-        return (
-            f'<polyline data-points="{shape.shape[1]}" stroke="rgb{color}" '
-            f'stroke-width="{width:g}"/>'
-        )
-
-    # The ground is drawn below the pivots, so their names are placed to the sides.
-    middle = 0.5 * (low + high)[0]
-    asides = [(math.copysign(_NAME + 3, pivot[0] - middle), 0) for pivot in drawing.pivots]
-    bar = np.array([(0, 5), (0, 0), (1, 0), (1, 5)]) * [scale * drawing.scale_length, -1]
-    bar += [left, height - 8]
-    scale_length = f'{drawing.scale_length:g}'
+    canvas = _Canvas.around(np.concatenate([line.reshape(-1, 2) for line in lines]))
+    place, height = canvas.place, canvas.height
     ways = drawing.labels(pins) - pins
-    names = pins + _NAME / scale * ways / np.linalg.norm(ways, axis=-1, keepdims=True)
-    # Long names may need more room at the sides.
-    sides = [(place(names)[:, i, 0], pin) for i, pin in enumerate(drawing.pins)]
-    sides += [
-        (place(pivot)[..., 0] + aside[0], name)
+    names = pins + _NAME / canvas.scale * ways / np.linalg.norm(ways, axis=-1, keepdims=True)
+    # The ground is drawn below the pivots, so their names are placed to the sides.
+    middle = 0.5 * (canvas.low + canvas.high)[0]
+    asides = [(math.copysign(_NAME + 3, pivot[0] - middle), 0) for pivot in drawing.pivots]
+    pivots = [
+        (place(pivot), aside, name)
         for pivot, aside, name in zip(drawing.pivots, asides, drawing.pivot_names, strict=True)
     ]
-    reach = max(np.abs(x - 0.5 * _SIZE).max() + 0.5 * _LETTER * len(name) for x, name in sides)
-    more = max(0, math.ceil(reach - 0.5 * _SIZE))
+    labels = [(place(names)[:, i, 0], pin) for i, pin in enumerate(drawing.pins)]
+    labels += [(at[..., 0] + aside[0], name) for at, aside, name in pivots]
+    more = _more_room(labels)
     box = f'{-more} 0 {_SIZE + 2 * more} {height}'
+    bar = np.array([(0, 5), (0, 0), (1, 0), (1, 5)]) * [canvas.scale * drawing.scale_length, -1]
+    bar += [canvas.left, height - 8]
+    scale_length = f'{drawing.scale_length:g}'
     parts = [
         f'<svg id="linkage" viewBox="{box}" role="img" aria-label="the linkage">',
-        *(line(ground, GREY, 1.2) for ground in drawing.ground),
-        *(line(path, drawing.colors[owner], 1.2) for path, owner in paths),
+        *(_line(place(ground), GREY, 1.2) for ground in drawing.ground),
+        *(_line(place(path), drawing.colors[owner], 1.2) for path, owner in paths),
         f'<polyline points="{_spaced(bar)}" stroke="rgb{GREY}"/>',
         f'<text class="tick" x="{bar[2, 0] + 6:.1f}" y="{height - 8}">{scale_length} m</text>',
-        *(moving(shape, drawing.colors[link], 5.0) for link, shape in links.items()),
-        *(moving(shape, SECOND, 2.5) for shape in loads.values()),
-        *(f'<circle r="4" transform="translate({_spaced(place(pivot))})" fill="rgb{GREY}"/>'
-          for pivot in drawing.pivots),
-        *(f'<text class="name" transform="translate({_spaced(place(pivot) + aside)})">'
-          f'{html.escape(name)}</text>'
-          for pivot, aside, name in zip(drawing.pivots, asides, drawing.pivot_names, strict=True)),
+        *(_moving_line(shape, drawing.colors[link], 5.0) for link, shape in links.items()),
+        *(_moving_line(shape, SECOND, 2.5) for shape in loads.values()),
+        *(f'<circle r="4" transform="translate({_spaced(at)})" fill="rgb{GREY}"/>'
+          for at, *_ in pivots),
+        *(f'<text class="name" transform="translate({_spaced(at + aside)})">'
+          f'{html.escape(name)}</text>' for at, aside, name in pivots),
         *(f'<circle data-points="1" r="4" fill="rgb{GREY}"/>' for _ in drawing.pins),
         *(f'<text data-points="1" class="name">{html.escape(pin)}</text>'
           for pin in drawing.pins),
