@@ -6,6 +6,7 @@ The modules in `charts` implement its commands.
 """
 
 import argparse
+import atexit
 import gc
 import sys
 from importlib import import_module
@@ -222,19 +223,21 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(options: argparse.Namespace) -> None:
     """Imports the module of a command and runs it."""
-    gc.disable()  # imports leave no garbage, and take an eighth longer with its collection
-    if options.command not in _WITHOUT_PICTURE:
-        import_module('linkage_lab.plotting')
-    module = import_module(f'linkage_lab.charts.{options.command}')
-    gc.freeze()
-    gc.enable()
+    name = f'linkage_lab.charts.{options.command}'
+    if name not in sys.modules:
+        gc.disable()  # imports leave no garbage, and take an eighth longer with its collection
+        if options.command not in _WITHOUT_PICTURE and 'matplotlib' not in sys.modules:
+            import_module('linkage_lab.plotting')
+        import_module(name)
+        gc.freeze()
+        gc.enable()
     with cli.working(f'{_NAME} {options.command}'):
-        getattr(module, options.command)(options)
-    gc.freeze()  # the end of a process would look for garbage among all of Matplotlib
+        getattr(sys.modules[name], options.command)(options)
 
 
 def main() -> int:
     """Runs `linkage_chart`; returns the exit code."""
+    atexit.register(gc.freeze)  # the end of a process looks for garbage among all of Matplotlib
     options = _parser().parse_args()
     return cli.run(_NAME, lambda: options.run(options))
 
