@@ -402,14 +402,14 @@ class MeasuredStates(ExpectedStates):
 
     def held(self) -> dict[str, float]:
         """Returns the last efforts, except refused ones; see `ExpectedStates`."""
-        return {**self._efforts.values, **dict.fromkeys(self._next[0].refused, 0.0)}
+        return {**self._efforts.values, **dict.fromkeys(self._next[0].linkages[1], 0.0)}
 
     def take(
         self, segments: Segments, ticks: list[int], efforts: Mapping[str, RowPart]
     ) -> tuple[int, str]:
         """Advances past measurements; see `ExpectedStates`."""
         self._segments |= segments
-        self._efforts.end(self._next[0].refused)
+        self._efforts.end(self._next[0].linkages[1])
         self._efforts.hold(efforts)
         del self._next[: len(ticks)]
         return len(ticks), ''

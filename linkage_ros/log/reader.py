@@ -303,26 +303,28 @@ class LogReader:
                 data = file.content(place)
                 at = 0
                 while at < len(data):
-                    count = layout.count(data, at)
-                    if not count:
-                        layout = layouts.at(data, at) or layout
-                        count = layout.count(data, at)
-                    if count:
+                    if count := layout.count(data, at):
                         rows = data[at : at + count * layout.size]
                         found += count * len(layout.channels)
                         at += len(rows)
                         yield layout, rows
                         continue
-                    opcode, _, start, at = next(records(data, at))
+                    opcode, _, start, end = next(records(data, at))
                     if opcode == Opcode.MESSAGE:
-                        message = self._message(data, start, at)
-                        found += 1
+                        message = self._message(data, start, end)
                         is_zero = (message.channel, message.time) in self._zeros
-                        if message.channel in channels and not is_zero:
+                        is_of_state = message.channel in channels and not is_zero
+                        next_layout = layouts.at(data, at) if is_of_state else None
+                        if next_layout and next_layout.count(data, at):
+                            layout = next_layout
+                            continue
+                        found += 1
+                        if is_of_state:
                             times = message.time, message.published
                             yield layout, message_record(message.channel, times, message.data)
                         else:
                             other(message)
+                    at = end
             if found != self._count:  # a damaged opcode, which no checksum protects, hides records
                 raise LogError('it is damaged: its number of messages does not match its summary')
             file.check_data()

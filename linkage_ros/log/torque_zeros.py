@@ -48,7 +48,7 @@ class TorqueZeros:
 
     def end_at(self, message: LoggedMessage) -> Collection[str]:
         """Returns the linkages whose torques a message ends; none if it is no such message."""
-        ends = self._due.get((message.channel, message.time))
+        ends = self._due and self._due.get((message.channel, message.time))
         if not ends:
             return ()
         return (ends[0].linkage,) if ends[0].linkage else self._names

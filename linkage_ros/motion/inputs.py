@@ -155,6 +155,10 @@ class Received(NamedTuple):
     refused: dict[str, ValueError]
 
 
+def _read(source: Input, data: bytes, received: int) -> Any:
+    return source.read(data, received)
+
+
 class SharedInput:
     """Reader of the messages on a topic that all linkages of a run share.
 
@@ -173,18 +177,28 @@ class SharedInput:
         Raises:
             ValueError: No linkage accepts the message. The error text is the cause.
         """
-        return self.collect(lambda source: source.read(data, received))
+        return self.collect(_read, data, received)
 
-    def collect(self, read: Callable[[Any], Any]) -> Received:
-        """Reads a message for each linkage, given a function that reads it with one `Input`.
+    def collect(
+        self, read: Callable[[Any, bytes, int], Any], data: bytes, received: int
+    ) -> Received:
+        """Reads a message for each linkage.
+
+        Args:
+            read: Reads a message with an `Input`, as its method of this name does.
+            data: CDR bytes of the message.
+            received: Time of receipt, ns.
 
         Raises:
             ValueError: As for `read`.
         """
-        found, refused, unnamed = dict[str, Any](), dict[str, ValueError](), list[ValueError]()
+        # Literals, because dict[str, Any]() takes a tenth of the time of a record.
+        found: dict[str, Any] = {}
+        refused: dict[str, ValueError] = {}
+        unnamed: list[ValueError] = []
         for name, source in self.sources.items():
             try:
-                found[name] = read(source)
+                found[name] = read(source, data, received)
             except UnnamedError as error:  # noqa: PERF203, one must not affect the others
                 unnamed.append(error)
             except ValueError as error:

@@ -23,25 +23,21 @@ class Measurement(NamedTuple):
         time: Time of receipt, ns.
         stamp: Its stamp, ns.
         coordinates: Coordinates of each linkage that accepts it, by name.
-        refused: Names of the other linkages that it names.
+        linkages: Names of the linkages that accept it, and of the others that it names.
     """
 
     time: int
     stamp: int
     coordinates: dict[str, Coordinates]
-    refused: tuple[str, ...]
-
-    @property
-    def linkages(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Names of the linkages that accept the message, and of those that reject it."""
-        return tuple(self.coordinates), self.refused
+    linkages: tuple[tuple[str, ...], tuple[str, ...]]
 
 
 def measurement_of(time: int, received: Received) -> Measurement:
     """Returns a measurement, given its time of receipt, ns, and what was read."""
-    stamp = next(stamp for stamp, _ in received.values.values())
-    found = {name: coordinates for name, (_, coordinates) in received.values.items()}
-    return Measurement(time, stamp, found, tuple(received.refused))
+    values, refused = received
+    stamp, _ = next(iter(values.values()))
+    found = {name: pair[1] for name, pair in values.items()}
+    return Measurement(time, stamp, found, (tuple(values), tuple(refused)))
 
 
 class Answers(NamedTuple):
@@ -160,7 +156,7 @@ class MeasuredStates:
     ) -> Iterator[Measurement]:
         for time, data in messages:
             try:
-                received = self.cranks.collect(lambda crank: read(crank, data, time))  # noqa: B023
+                received = self.cranks.collect(read, data, time)
             except ValueError:  # counted; `suppress` takes a twentieth of the time of a record
                 continue
             yield measurement_of(time, received)

@@ -183,12 +183,14 @@ class MeasuredCrank(Input):
             UnnamedError: The message has no position of the crank.
             ValueError: The message must be rejected.
         """
-        crank = self._decode(data, self._joint, self._machine.joint, UnnamedError(NO_CRANK))
+        crank = self._decode(data, self._joint, self._machine.joint)
         stamp = crank.stamp or received
         # A filter must not see a measurement that is rejected.
         if self._frame:
-            absent = ValueError(NO_FRAME)
-            base = self._decode(data, self._frame_reader, self._frame_joint, absent)
+            try:
+                base = self._decode(data, self._frame_reader, self._frame_joint)
+            except UnnamedError as error:
+                raise ValueError(NO_FRAME) from error
             self._frame.check(stamp, base.position, base.velocity)
         if self._is_limited and math.isfinite(crank.position):
             self._require_state(crank.position)
@@ -203,14 +205,12 @@ class MeasuredCrank(Input):
             found = found._replace(unwrapped=crank.value)
         return stamp, found
 
-    def _decode(
-        self, data: bytes, reader: JointReader, joint: RobotJoint, absent: ValueError
-    ) -> _Measured:
+    def _decode(self, data: bytes, reader: JointReader, joint: RobotJoint) -> _Measured:
         """Reads a joint from a message.
 
         Raises:
-            ValueError: The message has no measurement; `absent` if it has no position. The error
-                text is the cause.
+            UnnamedError: The message has no position of the joint.
+            ValueError: The message has no measurement. The error text is the cause.
         """
         try:
             stamp, value, velocity = reader.read(data)
@@ -218,7 +218,7 @@ class MeasuredCrank(Input):
             is_doubtful = isinstance(error, DoubtfulJointError)
             raise ValueError(str(error) if is_doubtful else NO_JOINT_STATE) from error
         if value is None:
-            raise absent
+            raise UnnamedError(NO_CRANK)
         if not joint.is_mapped:
             return _Measured(stamp, value, value, velocity)
         rate = None if velocity is None else velocity / joint.ratio
