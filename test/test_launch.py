@@ -470,6 +470,24 @@ def test_linkages_on_different_links_are_no_tree_of_one_launch(launched, tmp_pat
         launched(DEMO, params=str(file))
 
 
+def test_rviz_shows_the_points_of_each_linkage(launched, tmp_path):
+    file, point = tmp_path / 'two.yaml', {'link': 'coupler', 'at': [0.1, 0.0]}
+    values = {
+        'linkages': ['a', 'b'],
+        **read_values('quadrilateral'),
+        'b': {'points': {'C': point}},
+    }
+    file.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}))
+    nodes, _ = launched(DEMO, 'rviz2', params=str(file), rviz='true')
+    rviz = yaml.safe_load(Path(nodes['rviz2'].arguments[1]).read_text())['Visualization Manager']
+    shown = [
+        (show['Name'], show['Topic']['Value'])
+        for show in rviz['Displays'] if show['Class'].endswith('PointStamped')
+    ]  # fmt: skip
+    names = 'a/coupler_point', 'b/C', 'b/coupler_point'
+    assert sorted(shown) == [(name, name.replace('/', '/points/')) for name in names]
+
+
 def by_stamp(messages):
     """Returns the positions of the joints by name, by stamp."""
     found = (deserialize_message(data, JointState) for data in messages)

@@ -275,6 +275,10 @@ REFUSED = {
     'of the run': ({'left.log': 'a.mcap'}, 'left.log: log is of the whole run'),
     'unknown': ({'left.rmp': 1.0}, "left: 'rmp' is not a parameter of a four_bar"),
     'another drive': ({'left.drive': 'speed'}, 'left.drive: drive is of the whole run'),
+    'one frame on two links': (
+        {'left.plane.link': 'thigh', 'right.plane.link': 'shank'},
+        'left and right have one frame_id',
+    ),
     'one joint name': ({'right.joint_prefix': 'left_'}, "left and right each have a joint 'left_"),
     'one robot joint': (
         {'joints.crank.name': 'knee'}, "left and right each have a joint 'knee'"

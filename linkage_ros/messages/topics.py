@@ -202,7 +202,7 @@ SIMULATED_CLOCK = Topic('/clock', CLOCK, depth=1, meaning='with `use_sim_time`: 
 EFFORT_COMMANDS = Topic(
     'effort_command_topic',
     FLOAT64_MULTI_ARRAY,
-    meaning='one number: the driving torque `lead_time` later',
+    meaning='a number for each linkage: the driving torque `lead_time` later',
     parameter='effort_command_topic',
 )
 TRAJECTORY_COMMANDS = Topic(

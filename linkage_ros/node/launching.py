@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.messages.templates import ROOT_FRAME
-from linkage_ros.messages.topics import prefix_of
+from linkage_ros.messages.topics import point_topic, prefix_of, topic_of_linkage
 from linkage_ros.messages.urdf import make_urdf, merged_urdf
 from linkage_ros.quantities import Quantity, shown
 from linkage_ros.settings.configuration import configure, read_values
@@ -434,7 +434,7 @@ def rviz_file(template: Path, values: Mapping[str, object], frame_prefix: str) -
 
     Args:
         template: RViz configuration for a linkage without prefixes, with the point coupler_point.
-        values: Parameters of linkage_node. Its frame_id is the tf frame of the link that carries
+        values: Parameters of linkage_node, whose frame_id is the tf frame of the link that carries
             the fixed pivots.
         frame_prefix: Frame prefix of robot_state_publisher. A trailing '/' is removed, because
             RViz adds one.
@@ -442,10 +442,21 @@ def rviz_file(template: Path, values: Mapping[str, object], frame_prefix: str) -
     Returns:
         Path of a file, which exists until this process ends.
     """
-    text = template.read_text(encoding='utf-8').replace(ROOT_FRAME, str(values['frame_id']))
-    points = dict.fromkeys(x.split('.')[1] for x in values if x.startswith('points.'))
+    linkages = configure(values).linkages
+    text = template.read_text(encoding='utf-8').replace(ROOT_FRAME, linkages[0].session.frame_id)
+    points = [
+        topic_of_linkage(point_topic(point), linkage.name).name
+        for linkage in linkages
+        for point in linkage.mechanism.structure().traced
+    ]
     text = _RVIZ_POINT.sub(
-        lambda shown: ''.join(shown[0].replace('coupler_point', point) for point in points), text
+        lambda shown: ''.join(
+            shown[0]
+            .replace('Name: coupler_point', f'Name: {topic.replace("points/", "")}')
+            .replace('Value: points/coupler_point', f'Value: {topic}')
+            for topic in points
+        ),
+        text,
     )
     prefix = f"TF Prefix: '{frame_prefix.removesuffix('/')}'"
     return _file_in_memory(text.replace("TF Prefix: ''", prefix))

@@ -178,7 +178,7 @@ class Configuration:
         names = ', '.join(linkage.name for linkage in self.linkages)
         if not names:
             raise ConfigurationError(f'{shown(name)}: there is one linkage, which has no name')
-        told = f'{shown(name)} is not one of them' if name else 'choose one of them'
+        told = f'{shown(name)} is not one of them' if name else 'choose one by its name'
         raise ConfigurationError(f'the linkages are {names}: {told}')
 
     def parameters(self) -> dict[str, object]:
@@ -322,13 +322,20 @@ def _configured(name: str, given: Mapping[str, object]) -> Linkage:
 
 
 def _require_compatible(linkages: Sequence[Linkage]) -> None:
-    """Rejects linkages of one run that differ in the kind of drive, or share the name of a joint.
+    """Rejects linkages of one run whose kinds of drive, joints or frames contradict each other.
 
     Raises:
         ConfigurationError: They cannot run together.
     """
-    first, taken = linkages[0], dict[str, str]()
+    first, taken, frames = linkages[0], dict[str, str](), dict[str, Linkage]()
     for linkage in linkages:
+        session = linkage.session
+        other = frames.setdefault(session.frame_id, linkage)
+        if session.plane != other.session.plane:
+            raise ConfigurationError(
+                f'{other.name} and {linkage.name} have one frame_id, {shown(session.frame_id)}, '
+                'with different planes: give each its own frame_id'
+            )
         if linkage.kind.drive != first.kind.drive:
             raise ConfigurationError(
                 f'{first.name} has drive: {first.kind.drive}, {linkage.name} has '
