@@ -7,7 +7,7 @@ import math
 
 import pytest
 from geometry_msgs.msg import WrenchStamped
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from ros_harness import (
     SteppedClock,
     assert_refused,
@@ -29,7 +29,10 @@ from trajectory_msgs.msg import JointTrajectory
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
+from linkage_ros.motion.drives.torque import TorqueCommands
+from linkage_ros.motion.inputs import SharedInput
 from linkage_ros.programs.log_commands import info
+from linkage_ros.run.robot import Robot
 from linkage_ros.settings.configuration import configure
 from linkage_ros.settings.parameters import OF_THE_RUN
 
@@ -82,7 +85,9 @@ def test_laws_end_one_after_the_other_and_trajectories_name_any_cranks(tmp_path)
         wait_for(lambda: clock.step() or motions_in(log) == 5)
         for _ in range(30):
             clock.step()
-        publisher.publish(trajectory((0.1, 2.0), names=('right_crank',)))
+        last = trajectory((0.1, 2.0), names=('right_crank', 'left_crank'))
+        last.points[0].positions = [2.0, 1.0]
+        publisher.publish(last)
         wait_for(lambda: clock.step() or motions_in(log) == 6)
         for _ in range(30):
             clock.step()
@@ -117,6 +122,37 @@ def test_laws_end_one_after_the_other_and_trajectories_name_any_cranks(tmp_path)
     assert 'where the speed is still 2 rad/s' in line
 
 
+def test_a_trajectory_for_a_motion_that_has_ended_is_rejected_for_it_alone():
+    """The tick that reads it ends the motion, or an earlier one did."""
+    robot = Robot(configure(LEGS))
+    (source,) = robot.inputs().values()
+    names = 'left_crank', 'right_crank'
+    both = trajectory((1.0, 0.3), names=names)
+    both.points[0].positions = [0.3, 0.3]
+    data, end = serialize_message(both), 100 * MS
+    motions = {name: simulator.begin(0) for name, simulator in robot.simulators.items()}
+    for stamp, refused in ((end, ()), (end + 1, ('left',))):
+        for name, motion in motions.items():
+            source.sources[name].prepare(motion, stamp)
+        assert tuple(source.read(data, 0).refused) == refused
+    source.sources['left'].prepare(motions['left'], end)
+    source.sources['left'].has_ended = True
+    assert tuple(source.read(data, 0).refused) == ('left',)
+    counts = [source.sources[name].counts['trajectories rejected'] for name in LEGS['linkages']]
+    assert counts == [2, 0]
+
+
+def test_a_command_for_a_motion_that_has_ended_is_rejected_for_it_alone():
+    commands = {name: TorqueCommands(5.0, 1.0, f'{name}_crank') for name in ('left', 'right')}
+    source = SharedInput(commands)
+    command = JointState(name=['left_crank', 'right_crank'], effort=[1.0, 2.0])
+    assert source.read(serialize_message(command), 0) == ({'left': 1.0, 'right': 2.0}, {})
+    commands['left'].has_ended = True
+    values, refused = source.read(serialize_message(command), 0)
+    assert (values, [*refused]) == ({'right': 2.0}, ['left'])
+    assert [one.counts['commands rejected'] for one in commands.values()] == [1, 0]
+
+
 def test_commands_name_any_cranks_and_a_plant_that_ends_leaves_the_others_alone(tmp_path):
     """The gas stops the pump; a command for two cranks moves the other."""
     log, names = tmp_path / 'run.mcap', {'wheel': 'quadrilateral', 'pump': 'compressor',
@@ -134,7 +170,7 @@ def test_commands_name_any_cranks_and_a_plant_that_ends_leaves_the_others_alone(
         wait_for(publisher.get_subscription_count)
         clock, states = SteppedClock(listener, 10 * MS), listener.received[STATES]
         clock.pass_until(lambda: states and not any('pump' in x for x in joints_in(states[-1])))
-        publisher.publish(JointState(name=['arm_crank', 'pump_crank'], effort=[2.0, 1.0]))
+        publisher.publish(JointState(name=['pump_crank', 'arm_crank'], effort=[1.0, 2.0]))
         publisher.publish(JointState(name=['arm_crank', 'nobody'], effort=[math.nan, 1.0]))
 
         def effort_of(joint):

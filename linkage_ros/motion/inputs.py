@@ -92,7 +92,22 @@ class UnnamedError(ValueError):
 
 
 class Input:
-    """Reader of the messages for one linkage on a topic that its drive receives."""
+    """Reader of the messages for one linkage on a topic that its drive receives.
+
+    Attributes:
+        has_ended: Whether the motion of the linkage has ended.
+    """
+
+    has_ended = False
+
+    def require_motion(self) -> None:
+        """Checks that a message can act.
+
+        Raises:
+            ValueError: The motion has ended.
+        """
+        if self.has_ended:
+            raise ValueError('its motion has ended')
 
     def read(self, data: bytes, received: int) -> Any:
         """Reads a message.

@@ -271,6 +271,8 @@ class LinkageNode(ParameterNode):
             raise error
         self.get_logger().error(f'{name}: {error}; the other linkages continue')
         self._held.end([name])
+        for _, source in self._inputs:
+            source.sources[name].has_ended = True
         self._outputs.log_linkage_end(LinkageEnd(stamp, str(error), name))
 
     def _received(

@@ -7,6 +7,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterable
 
+from linkage_ros.errors import MotionError
 from linkage_ros.messages.cdr import decode_trajectory
 from linkage_ros.motion.along_law import LawMotion, require_possible
 from linkage_ros.motion.drives.base import Machine
@@ -46,7 +47,11 @@ class CrankTrajectories(Input):
             UnnamedError: It does not name this crank.
             ValueError: The message must be rejected; the error text is the cause.
         """
-        motion = self._motion.join(self._stamp, *self._decode(data))
+        points = self._decode(data)
+        try:
+            motion = self._motion.join(self._stamp, *points)
+        except MotionError as error:  # the tick that reads the message ends the motion
+            raise ValueError(str(error)) from error
         require_possible(motion.segment.law, self._machine.solver)
         self.counts[TRAJECTORIES_TAKEN] += 1
         self._motion = motion  # a later message joins it
@@ -74,6 +79,7 @@ class CrankTrajectories(Input):
         words = ascii(', '.join(names))[1:-1] or 'nothing'
         if crank not in names:
             raise UnnamedError(f'it names {words:.80}: must name {crank}')
+        self.require_motion()
         others = [name for name in names if name != crank]
         if len(others) != len(names) - 1 or not {*others} <= self._machine.others:
             alone = 'once, and only cranks' if self._machine.others else 'alone'

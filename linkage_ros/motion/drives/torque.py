@@ -254,6 +254,8 @@ class TorqueCommands(Input):
             UnnamedError: It does not name this crank.
             ValueError: The message is not a command for this crank.
         """
+        if self._crank in names:
+            self.require_motion()
         if len(efforts) != len(names):
             raise ValueError(
                 f'{len(names)} names and {len(efforts)} efforts: must be one for each'
