@@ -34,6 +34,7 @@ from linkage_ros import (
     UnreachableError,
     travel,
 )
+from linkage_ros.mechanism.kinematics import Reach
 from linkage_ros.quantities import flatten
 from linkage_ros.settings.configuration import configure
 from linkage_ros.settings.summary import summary
@@ -469,3 +470,20 @@ def test_fully_turning_crank_closes_everywhere(name, assembly):
     mechanism = of(FULL[name], assembly=assembly)
     for crank in np.linspace(-7.0, 7.0, 23).tolist():
         assert closes(mechanism, crank)
+
+
+@pytest.mark.parametrize(
+    ('place', 'low'),
+    # The arcs are 4 to 8 rad and 8.5 to 9 rad; the last place is on neither, next to the second.
+    [(5.0, 4.0), (0.3, 4.0 - TURN), (13.0, 4.0 + TURN), (2.5, 8.5 - TURN), (2.8, 8.5 - TURN)],
+)
+def test_arc_around_a_place_is_in_its_turn(place, low):
+    reach = Reach('triple-rocker', ((4.0, 8.0), (8.5, 9.0)), limits=('too short',))
+    found, high = reach.arc_around(place)
+    assert found == pytest.approx(low)
+    assert high - found == pytest.approx(4.0 if low % TURN == pytest.approx(4.0) else 0.5)
+
+
+def test_position_of_a_driven_slide_has_no_turns():
+    reach = Reach('slider', ((0.1, 0.2), (7.0, 9.0)), limits=('too short',), driven='slider')
+    assert [reach.arc_around(x) for x in (0.15, 0.2 + TURN)] == list(reach.arcs)

@@ -101,11 +101,13 @@ def test_a_limited_crank_without_a_law_is_charted_over_its_arc(tmp_path, called,
     assert '1 rpm over its arc' in out
     columns = table(tmp_path / 'servo_motion.csv')
     ((low, high),) = Solver(load(str(path)).mechanism).reach.arcs
+    if drive == 'torque':  # the arc around 2 rad starts a turn before
+        low, high = low - math.tau, high - math.tau
     crank = columns['crank_angle [rad]']
     assert crank[0] - low == pytest.approx(0.01 * (high - low))
     assert high - crank[-1] == pytest.approx(0.01 * (high - low))
     assert set(columns['crank.velocity [rad/s]']) == {math.pi / 30}
-    said = re.search(r'crank ([\d.]+) to ([\d.]+) deg', out)
+    said = re.search(r'crank (-?[\d.]+) to (-?[\d.]+) deg', out)
     assert [float(x) for x in said.groups()] == pytest.approx(np.degrees(crank[[0, -1]]), rel=2e-4)
 
 

@@ -45,6 +45,18 @@ SPRING = GAS | {
     'loads.strut.free_length': 0.2, 'loads.push.kind': 'link', 'loads.push.link': 'ram',
     'loads.push.force': -50.0,
 }  # fmt: skip
+# A crank that cannot turn fully; its arc, in degrees from 0, contains the drawn angle plus a turn.
+LIMITED = {
+    'mechanism': 'drawing', 'drawing.input': 'arm', 'drawing.frame': ['O', 'Q'],
+    'drawing.pins.O': [0.0, 0.0], 'drawing.pins.A': [0.05, 0.08],
+    'drawing.pins.B': [0.35, 0.13], 'drawing.pins.Q': [0.4, 0.0],
+    'drawing.links.arm.pins': ['O', 'A'], 'drawing.links.arm.mass': 1.0,
+    'drawing.links.arm.center': [0.0, 0.0], 'drawing.links.arm.inertia': 1.0,
+    'drawing.links.rod.pins': ['A', 'B'],
+    'drawing.links.out.pins': ['B', 'Q'],
+}  # fmt: skip
+LAW = {'drive': 'motion', 'motion.center': '417deg', 'motion.amplitude': 0.1,
+       'motion.frequency': 1.0}  # fmt: skip
 
 
 def design_of(source):
@@ -124,3 +136,13 @@ def test_angle_for_a_driven_cylinder_is_refused(monkeypatch, capsys):
     monkeypatch.setattr('sys.argv', ['linkage_chart', 'sketch', 'excavator', '--at', '30deg'])
     assert command_line.main() == 2
     assert '--at' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('drive', [{'drive': 'follow'}, {'drive': 'torque'}, LAW])
+def test_limited_crank_is_shown_as_drawn(drive):
+    design = configure(LIMITED | drive)
+    sketched = sketch_of(design.only)
+    assert not sketched.solver.reach.arcs[0][0] < sketched.place < sketched.solver.reach.arcs[0][1]
+    at = sketched.point(sketched.solver.structure.points['A'])
+    assert (at.real, at.imag) == pytest.approx((0.05, 0.08))
+    assert any(line.startswith('as drawn at ') for line in describe(sketched))

@@ -238,19 +238,31 @@ class Reach(NamedTuple):
         )
 
     def arc_around(self, place: float) -> Arc:
-        """Returns the arc that contains a place of the driven joint; if none does, the next one.
+        """Returns the arc that contains a place of the driven joint; if none does, the nearest.
 
         Args:
             place: Crank angle, rad, or position of a driven link that slides, m.
 
         Returns:
-            The arc; of a crank, in the turn of the period where the angle is.
+            The arc; that of a crank in the turn where the angle is.
         """
         turns = range(max(1, self.period_turns))
         period = math.inf if self.slides else math.tau * len(turns)
         shifts = [math.tau * i for i in turns]
-        arcs = [(low + shift, high + shift) for shift in shifts for low, high in self.arcs]
-        return min(arcs, key=lambda arc: max(0.0, (place - arc[0]) % period - (arc[1] - arc[0])))
+
+        def distance(arc: Arc) -> float:
+            low, high = arc
+            apart = math.remainder(place - 0.5 * (low + high), period)
+            return max(0.0, abs(apart) - 0.5 * (high - low))
+
+        low, high = min(
+            ((low + shift, high + shift) for shift in shifts for low, high in self.arcs),
+            key=distance,
+        )
+        if self.slides:
+            return low, high
+        shift = period * round((place - 0.5 * (low + high)) / period)
+        return low + shift, high + shift
 
     def samples(self, steps_per_turn: int = 720) -> Array:
         """Returns crank angles over one period, with steps small enough to resolve the motion.

@@ -245,12 +245,9 @@ def require_possible(law: Law, solver: Solver) -> None:
     if reach.turns_fully:
         return
     begin = law.at(0).angle
-    low = high = begin
-    for start, end in reach.arcs:
-        turns = 0.0 if reach.slides else math.floor((begin - start) / math.tau) * math.tau
-        if start + turns < begin < end + turns:
-            low, high = start + turns, end + turns
-            reach = reach._replace(arcs=((low, high),))
+    low, high = reach.arc_around(begin)
+    if low < begin < high:
+        reach = reach._replace(arcs=((low, high),))
     for time in sorted(law.extremes(low, high)):
         whole, angle, rate, acceleration = law.at(time)
         angle += whole * math.tau

@@ -195,13 +195,7 @@ class DrivenMechanism:
         mobility = self.solver.mobility
         if mobility is None or mobility.slides:
             return crank
-
-        low, high = min(
-            mobility.arcs,
-            key=lambda arc: abs(wrap(crank - 0.5 * sum(arc))) - 0.5 * (arc[1] - arc[0]),
-        )
-        middle = 0.5 * (low + high)
-        return with_turns(middle, turns_between(middle, crank))
+        return 0.5 * sum(mobility.arc_around(crank))
 
     def _state(self, y: tuple[float, ...]) -> State:
         """Computes the positions and rates of all links."""
@@ -287,7 +281,7 @@ class DrivenMechanism:
         places = ', '.join(
             f'{link.name} at {value:.6g} m'
             if link.slides
-            else f'{link.name} at {rad_and_deg(value % (2 * math.pi))}'
+            else f'{link.name} at {rad_and_deg(value)}'
             for value, link in zip(y, self.links, strict=False)
         )
         if sine < _NEAR and self.is_limited:

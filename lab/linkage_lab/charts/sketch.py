@@ -154,12 +154,11 @@ def sketch_of(design: Any, at: float | None = None) -> Sketched:
             f'--at: {driven.name} is driven and slides; give its position in m'
         )
     positions, rates = design.mechanism.start()
-    place = at
+    place = _drawn_at(design) if at is None else at
     if place is None:
-        place = design.drive.drawn_angle(design.mechanism)
-        if not design.mechanism.drawn and (reach is None or reach.turns_fully):
-            place = math.radians(_DRAWN_AT)
-        elif reach is not None and not reach.turns_fully:
+        place = math.radians(_DRAWN_AT)
+        if reach is not None and not reach.turns_fully:
+            place = design.drive.drawn_angle(design.mechanism)
             low, high = reach.arc_around(place)
             place = place if low < place < high else 0.5 * (low + high)
     rpm = 0.0 if driven.slides else getattr(design.drive, 'rpm', 0.0)
@@ -184,7 +183,7 @@ def _unit(design: Any) -> str:
     return 'mm' if given in {'mm', 'cm'} or (not given and longest < 1) else 'm'
 
 
-def _drawn_at(design: Any) -> Any:
+def _drawn_at(design: Any) -> float | None:
     return design.mechanism.drawn.position if design.mechanism.drawn else None
 
 
