@@ -409,8 +409,8 @@ def test_curves_are_those_of_the_states_without_jumps(configuration, tmp_path):
 @pytest.mark.parametrize('name', [x for x in MOVING_GUIDES if 'pump' not in x])
 def test_blocks_and_barrels_turn_with_their_guides(name):
     mechanism = MOVING_GUIDES[name]
-    solver, drawing = Solver(mechanism), Drawing(mechanism)
-    structure, (q,) = solver.structure, coordinates(mechanism, 1.3)
+    solver, (q,) = Solver(mechanism), coordinates(mechanism, 1.3)
+    structure, drawing = solver.structure, Drawing(mechanism, q)
     position = np.array(solver.state(q).position)
     lines = drawing.links(drawing.place(position[np.newaxis]))
     for j, link in enumerate(structure.links):
