@@ -183,6 +183,17 @@ def test_a_drawing_that_is_no_loop_with_dyads_is_refused_with_its_links(seed):
         replace(sound, **changes).mechanism()
 
 
+@pytest.mark.parametrize('seed', range(STRUCTURES // 2))
+def test_a_drawing_with_one_fixed_pin_more_is_refused(seed):
+    rng = random.Random(seed)
+    mechanism, q, *_ = random_machine(seed)
+    sound, _ = drawn(mechanism, q, rng)
+    sound.mechanism()
+    for pin in sorted({*sound.pins} - {*sound.frame}):
+        with pytest.raises(ConfigurationError, match=r'move|fixed pin|degrees of freedom'):
+            replace(sound, frame=(*sound.frame, pin)).mechanism()
+
+
 # Two chains of six links with one degree of freedom: the joints of each link.
 CHAINS = {
     'watt': {'t': 'abc', 'v': 'ade', 'k': 'bx', 'l': 'xd', 'm': 'cz', 'p': 'ze'},
@@ -495,6 +506,26 @@ REFUSED = {
     'a link that hangs': (
         {'links': {**LINKS, 'end': {'pins': ['S', 'W']}}, 'pins': {**PINS, 'W': (400.0, 50.0)}},
         'end is joined to the others at S alone'),
+    'a coupler with a fixed pin more': (
+        {'frame': ['O', 'Q', 'G', 'P']}, 'coupler has A, B and the fixed pin P: nothing can move'),
+    'a connecting rod with a fixed pin more': (
+        {'links': {'crank': LINKS['crank'], 'rod': {'pins': ['A', 'P', 'S']}}, 'cylinders': {},
+         'frame': ['O', 'P'], 'pins': without(PINS, 'B', 'Q', 'G')}, 'rod has A, S and the fixed'),
+    'a block with a fixed pin more': (
+        {**lever({'P': (40.0, 40.0)}), 'frame': ['O', 'Q', 'P'],
+         'slides': {'block': {'pins': ['A', 'P'], 'on': 'lever', 'direction': [30.0, 140.0]}}},
+        'block has A and the fixed pin P'),
+    'a cylinder with a fixed pin more': (
+        {'links': {'crank': LINKS['crank'], 'barrel': {'pins': ['Q', 'T']}}, 'frame': ['O', 'Q'],
+         'pins': {'O': PINS['O'], 'A': PINS['A'], 'Q': PINS['Q'], 'T': (50.0, 50.0)},
+         'slides': {'rod': {'pins': ['A', 'T'], 'on': 'barrel', 'direction': [110.0, -40.0]}},
+         'cylinders': {}}, 'nothing can move'),
+    'a slide that is also the slide of another link': (
+        {'links': {'crank': LINKS['crank'], 'bar': {'pins': ['G', 'P']},
+                   'arm': {'pins': ['P', 'B']}},
+         'slides': {'lever': {'pins': ['Q'], 'on': 'bar', 'direction': [1.0, 2.0]},
+                    'block': {'pins': ['A', 'B'], 'on': 'lever', 'direction': [1.0, 3.0]}},
+         'pins': without(PINS, 'S'), 'cylinders': {}}, 'lever slides on bar.*nothing can move'),
     'two degrees of freedom': (
         {'links': {**LINKS, 'far': {'pins': ['S', 'Z']}, 'mid': {'pins': ['Z', 'V']},
                    'end': {'pins': ['V', 'W']}},

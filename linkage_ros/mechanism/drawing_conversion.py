@@ -289,6 +289,7 @@ class Conversion:
         """Returns the mechanism of a loop, in the assembly that is drawn, from its crank's pin."""
         A0, A, *_ = base.pins
         crank, *_ = base.bodies
+        self.require_motion(base.bodies, base.pins)
         self.origin = self.at[A0]
         self.at = {name: place.minus(self.origin) for name, place in self.at.items()}
         self.turn(crank, A0, A)
@@ -446,6 +447,7 @@ class Conversion:
     ) -> Dyad:
         """Returns a dyad of two links."""
         (first, last), (start, joint, end) = links, pins
+        self.require_motion(links, pins)
         joints = (self.joint(start, first), joint, self.joint(end, last))
         from_, to = self.carrier(start), self.carrier(end)
         from_at, to_at = self.local(from_, start), self.local(to, end)
@@ -465,6 +467,7 @@ class Conversion:
 
     def with_slider(self, name: str, first: _Body, last: _Body, start: str, joint: str) -> Dyad:
         """Returns a dyad of a link and a slide on a known body."""
+        self.require_motion((first, last), (start, joint))
         joints = (self.joint(start, first), joint)
         from_, from_at = self.carrier(start), self.local(self.carrier(start), start)
         self.turn(first, start, joint)
@@ -492,6 +495,7 @@ class Conversion:
 
     def with_rod(self, name: str, barrel: _Body, rod: _Body, start: str, end: str) -> Dyad:
         """Returns a dyad of a link that is pinned at its end, and a slide on it."""
+        self.require_motion((barrel, rod), (start, end))
         joints = self.joint(start, rod), self.joint(end, barrel)
         from_, to = self.carrier(start), self.carrier(end)
         from_at, to_at = self.local(from_, start), self.local(to, end)
@@ -520,6 +524,38 @@ class Conversion:
         sine = over_root(area, first.dot(first) * last.dot(last))
         if abs(sine) < _LEAST_SINE_OF_DYAD:
             raise ConfigurationError(_untold(where))
+
+    def require_motion(self, bodies: Sequence[_Body], joints: Sequence[str]) -> None:
+        """Rejects a loop or a dyad with more joints than those that determine it.
+
+        Args:
+            bodies: The bodies of the loop or dyad, which are not known yet.
+            joints: Pins that join them, to each other or to known bodies.
+
+        Raises:
+            ConfigurationError: There are others, so that nothing can move.
+        """
+        names = [body.name for body in bodies]
+        for body in bodies:
+            for pin in body.pins:
+                others = [x.name for x in bodies if pin in x.pins and x.name != body.name]
+                others += [self.carrier(pin)] if self.carrier(pin) else []
+                if len(others) > (pin in joints):
+                    held = ', '.join(x for x in body.pins if x in joints and x != pin)
+                    raise ConfigurationError(self.locked(body, held, pin, others[-1]))
+        sliding = [
+            body
+            for body in self.bodies.values()
+            if (body.name in names and (body.on in names or self.is_known(body.on)))
+            or (body.on in names and self.is_known(body.name))
+        ]
+        # A loop has four joints, a dyad three.
+        if len(joints) + len(sliding) > len(bodies) + 1:
+            lines = ' and '.join(f'{body.name} slides on {body.on}' for body in sliding)
+            raise ConfigurationError(
+                f'{lines}, while {listed(names)} are joined at {", ".join(joints)}, so that '
+                f'nothing can move; leave out one of the slides, or a pin; {self.freedom()}'
+            )
 
     # ------------------------------------------------------------ bodies and pins
 
@@ -696,6 +732,13 @@ class Conversion:
         """Returns the bodies at the pins of a link, each after its pin; none of a slide."""
         pins = () if driven.on else driven.pins
         return [(pin, other) for pin in pins for other in self.at_pin(pin, driven)]
+
+    def locked(self, body: _Body, held: str, pin: str, other: str) -> str:
+        """Explains that a body of a loop or dyad has one joint too many."""
+        also, cure = f'{pin}, which {other} has, too', f'leave {pin} out of one of them'
+        if other == FRAME_NAME:
+            also, cure = f'the fixed pin {pin}', f'take {pin} out of drawing.frame or {body.name}'
+        return f'{body.name} has {held} and {also}: nothing can move; {cure}; {self.freedom()}'
 
     def rigid(self, body: _Body, held: Sequence[str]) -> str:
         """Explains that known bodies hold a body fast."""
