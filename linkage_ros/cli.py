@@ -51,7 +51,16 @@ _ORDERLY_SECONDS, _URGENT_SECONDS = 1.0, 0.5
 
 
 class Parser(argparse.ArgumentParser):
-    """Argument parser that reports an error in one line, without the usage text."""
+    """Argument parser that reports an error in one line, without the usage text.
+
+    Values may be negative angles such as -85deg.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        """Creates the parser; see `argparse.ArgumentParser`."""
+        super().__init__(**options)
+        # Python before 3.14 takes -85deg and -1e-3 for options; this is its expression.
+        self._negative_number_matcher = re.compile(r'-\.?\d')
 
     def error(self, message: str) -> NoReturn:
         """Prints the error, what was probably meant, and ends the program with exit code 2."""

@@ -1,14 +1,16 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Progress is shown only on a terminal, and erased at the end."""
+"""Options may have negative values; progress is shown only on a terminal, and erased."""
 
 import io
+import math
 import sys
 import time
 
 import pytest
 
-from linkage_ros.cli import waiting, working
+from linkage_ros.cli import add_options, make_parser, waiting, working
+from linkage_ros.quantities import Quantity
 
 
 class Output(io.StringIO):
@@ -51,3 +53,15 @@ def test_line_of_slow_work_is_shown_after_a_while_and_erased(
             time.sleep(0.001)
     assert output.lines() == ['']
     assert bool(output.getvalue()) == is_shown
+
+
+@pytest.mark.parametrize(
+    ('text', 'value'), [('-135.35deg', math.radians(-135.35)), ('-1e-3', -1e-3), ('-2', -2.0)]
+)
+def test_value_of_an_option_may_be_negative(text, value):
+    angle = Quantity('number', 'an angle', 'rad', -10.0, 10.0)
+    parser = make_parser('program', 'Tests.', ())
+    add_options(parser, [(('--at',), angle, {}), (('-v',), None, {'action': 'store_true'})])
+    options = parser.parse_args(['--at', text, '-v'])
+    assert options.at == pytest.approx(value)
+    assert options.v
