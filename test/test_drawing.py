@@ -472,6 +472,16 @@ REFUSED = {
     'a length that cannot close': (
         {'links': {**LINKS, 'rocker': {'pins': ['B', 'Q'], 'length': 900.0}}},
         'the longest link, rocker, 0.9 m'),
+    'a length of a link of three pins': (
+        {'links': {**LINKS, 'coupler': {'pins': ['A', 'B', 'P'], 'length': 120.0}}},
+        'coupler.length is for a link of two pins .* it has 3 pins'),
+    'a length of a lever with a slot': (
+        {**lever(direction=[30.0, 140.0]),
+         'links': {'crank': LINKS['crank'], 'lever': {'pins': ['Q', 'T'], 'length': 250.0}}},
+        'lever.length .* block slides on it'),
+    'a length unlike the drawn one': (
+        {'links': {**LINKS, 'rocker': {'pins': ['B', 'Q'], 'length': 20.0}}},
+        'rocker.length = 20, but B and Q are drawn 92.1954 mm apart: .* cannot turn fully'),
     'two inputs': ({'input': ['crank', 'rocker']}, 'must be text, not a list'),
     'a Scotch yoke': (
         {'slides': {'block': {'pin': 'A', 'on': 'yoke', 'direction': [0.0, 1.0]},
@@ -639,6 +649,13 @@ def test_a_pin_in_another_unit_is_noted():
     (line,) = (line for line in notes(configure(given)) if 'did you mean' in line)
     assert 'drawing.pins.P' in line
     assert '[80, 120] mm' in line
+
+
+@pytest.mark.parametrize(('length', 'is_noted'), [(92.0, False), (140.0, True)])
+def test_a_length_unlike_the_drawn_one_is_noted(length, is_noted):
+    links = {**LINKS, 'rocker': {'pins': ['B', 'Q'], 'length': length}}
+    found = [line for line in notes(configure(values(links=links))) if 'rocker.length' in line]
+    assert bool(found) == is_noted
 
 
 def test_a_dyad_that_comes_in_line_with_a_parallelogram_is_refused():

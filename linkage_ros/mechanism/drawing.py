@@ -40,6 +40,8 @@ _PLACES = (-1e12, 1e12)
 # A pin that is so far from the others, or so near to the origin, is probably in another unit;
 # relative to the size of the others.
 _FAR, _NEAR = 10.0, 0.01
+# A length that differs from the drawn one by more than this share of it is probably a mistake.
+_OFF = 0.3
 
 
 def _center() -> Any:
@@ -71,8 +73,8 @@ class DrawnLink(Checked):
         mass: Mass, kg.
         inertia: Moment of inertia about the centre of mass, kg m^2.
         center: Centre of mass [x, y] as drawn; None if the mass is 0.
-        length: Distance of the two pins that join the link to its loop or dyad, instead of the
-            drawn one; None for the drawn one.
+        length: Distance of the pins of a link of two, instead of the drawn one; None for the drawn
+            one.
     """
 
     name: str = required()
@@ -227,7 +229,7 @@ class DrawnMechanism(Checked):
         """Returns the mechanism; see `Drawing.mechanism`.
 
         Raises:
-            ConfigurationError: There is none; the message has the pins in another unit, too.
+            ConfigurationError: There is none; the message has the `contradictions`, too.
         """
         with self.suspicion():
             return self.drawing.mechanism(
@@ -236,7 +238,7 @@ class DrawnMechanism(Checked):
 
     @contextmanager
     def suspicion(self) -> Iterator[None]:
-        """Adds to an error the pins that are probably in another unit, its probable cause.
+        """Adds to an error its probable cause: the values that contradict the drawing.
 
         Raises:
             ConfigurationError: The error.
@@ -244,7 +246,7 @@ class DrawnMechanism(Checked):
         try:
             yield
         except ConfigurationError as error:
-            if not (strange := pins_in_another_unit(self.drawing)):
+            if not (strange := contradictions(self.drawing)):
                 raise
             raise ConfigurationError('; '.join([*strange, str(error)])) from error
 
@@ -265,7 +267,23 @@ class DrawnMechanism(Checked):
         return {}
 
 
-def pins_in_another_unit(drawing: Drawing) -> list[str]:
+def contradictions(drawing: Drawing) -> list[str]:
+    """Returns a line for each pin in another unit, and for each length unlike the drawn one."""
+    found = _pins_in_another_unit(drawing)
+    for link in drawing.links:
+        if link.length is None or len(link.pins) != 2:
+            continue
+        one, other = link.pins
+        apart = math.dist(drawing.pins[one], drawing.pins[other])
+        if abs(link.length - apart) > _OFF * apart:
+            found.append(
+                f'drawing.links.{link.name}.length = {link.length:g}, but {one} and {other} are '
+                f'drawn {apart:.6g} {drawing.units} apart: correct it, or draw them so'
+            )
+    return found
+
+
+def _pins_in_another_unit(drawing: Drawing) -> list[str]:
     """Returns a line for each pin that is among the others only if it is in m, or else in mm.
 
     If there are many, they may be right, and another pin wrong; none is returned then.
@@ -304,7 +322,16 @@ def _check(drawing: Drawing) -> None:
         ConfigurationError: There is one or more; the message has all.
     """
     checks = (
-        (_bad_names, _bad_input, _bad_lists, _bad_pins, _bad_slides, _bad_cylinders, _bad_centers),
+        (
+            _bad_names,
+            _bad_input,
+            _bad_lists,
+            _bad_lengths,
+            _bad_pins,
+            _bad_slides,
+            _bad_cylinders,
+            _bad_centers,
+        ),
         (_rigid_pairs, _loose_parts),  # a misspelt pin would leave others loose
     )
     for each in checks:
@@ -364,6 +391,19 @@ def _bad_lists(drawing: Drawing) -> Iterator[str]:
     for label, part, pins in _parts(drawing):
         if isinstance(part, DrawnLink) and len(pins) + (part.name in guides) < 2:
             yield f'{label}.pins = {list(pins)}: a link needs two pins or more'
+
+
+def _bad_lengths(drawing: Drawing) -> Iterator[str]:
+    guides = {slide.on: slide.name for slide in drawing.slides}
+    for link in drawing.links:
+        why = f'it has {len(link.pins)} pins' if len(link.pins) != 2 else ''
+        if link.name in guides:
+            why = f'{guides[link.name]} slides on it'
+        if link.length is not None and why:
+            yield (
+                f'drawing.links.{link.name}.length is for a link of two pins without a slide on '
+                f'it, but {why}: leave it out, and draw its pins where they are'
+            )
 
 
 def _bad_pins(drawing: Drawing) -> Iterator[str]:

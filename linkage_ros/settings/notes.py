@@ -12,7 +12,7 @@ import numpy as np
 
 from linkage_ros.errors import UnreachableError
 from linkage_ros.mechanism.axes import carriers_of
-from linkage_ros.mechanism.drawing import pins_in_another_unit
+from linkage_ros.mechanism.drawing import contradictions
 from linkage_ros.mechanism.exact import UNITS
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
@@ -169,9 +169,9 @@ def _lengths(linkage: Linkage) -> Iterator[str]:
 
 
 def _pins(linkage: Linkage) -> Iterator[str]:
-    """Notes pins of a drawing that are probably in another unit."""
+    """Notes values that contradict the drawing."""
     if linkage.drawn_mechanism is not None:
-        yield from pins_in_another_unit(linkage.drawn_mechanism.drawing)
+        yield from contradictions(linkage.drawn_mechanism.drawing)
 
 
 def _longest(linkage: Linkage) -> float:
