@@ -41,7 +41,10 @@ class Reader:
         self.source = source
 
     def read(self, data, received):
-        return SharedInput({'': self.source}).read(data, received).values['']
+        found = SharedInput({'': self.source}).read(data, received)
+        for error in found.refused.values():
+            raise error
+        return found.values['']
 
     def __getattr__(self, name):
         return getattr(self.source, name)

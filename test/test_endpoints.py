@@ -135,6 +135,20 @@ def test_rejected_messages_call_the_logger_at_most_once_a_second(polled, monkeyp
     assert sum(int(text.split()[0]) for text in said.split('(')[1:]) == MESSAGES
 
 
+def test_rejected_messages_are_counted_by_linkage_and_cause():
+    found = endpoints.Rejections()
+    for number in range(3):
+        for linkage in ('left', 'right'):
+            found.add(ValueError(f'first: {number}'), linkage)
+    found.add(ValueError('second: 3'), 'left')
+    found.add(ValueError('first: 4'))
+    counts = re.findall(r'((?:\w+: )*\d) \((\d) x\)', str(found))
+    assert counts == [
+        ('left: first: 2', '3'), ('left: second: 3', '1'), ('right: first: 2', '3'),
+        ('first: 4', '1'),
+    ]  # fmt: skip
+
+
 def test_another_rclpy_is_refused_in_one_line(polled, monkeypatch):
     node, *_ = polled
     with monkeypatch.context() as other:

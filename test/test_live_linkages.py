@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several linkages in one live node: subsets in messages, and the end of one of them."""
 
+import itertools
 import json
 import math
 
@@ -236,6 +237,40 @@ def test_measurements_that_stop_for_one_crank_end_its_torque_alone(tmp_path):
     assert report.states == len(logged(log)[1][STATES])
     assert reader.torque_ends[0].linkage == 'leg'
     assert reader.torque_ends[-1].linkage == ''
+
+
+def test_invalid_measurements_in_messages_of_their_own_end_a_torque_at_once(tmp_path):
+    """A repeated message, which is older than what is known, does not."""
+    log, names = tmp_path / 'run.mcap', ('leg', 'boom')
+    values = {'linkages': [*names], 'drive': 'follow', 'effort_command_topic': 'efforts',
+              'measurement_timeout': 0.0, 'log': str(log),
+              **{f'{name}.{x}': y for name in names
+                 for x, y in FOLLOWERS[name].items()}}  # fmt: skip
+    with watched(TYPES, *arguments_of(tmp_path, values)) as (listener, node):
+        publisher = listener.node.create_publisher(JointState, '/measured_joint_states', 10)
+        wait_for(publisher.get_subscription_count)
+        efforts, stamps = listener.received[EFFORTS], itertools.count(1)
+
+        def measure(**joints):
+            n = next(stamps)
+            message = JointState(name=[*joints], position=[x + 1e-4 * n for x in joints.values()])
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(n * MS, 10**9)
+            for _ in range(2):
+                publisher.publish(message)
+
+        wait_for(lambda: measure(leg_crank=0.3, boom_rod=0.95) or len(efforts) > 20)
+        assert all(efforts_in(efforts[-1]))
+        wait_for(lambda: (measure(leg_crank=0.3), measure(boom_rod=9.0))
+                 and efforts_in(efforts[-1])[1] == 0.0)  # fmt: skip
+        assert efforts_in(efforts[-1])[0]
+        count = len(efforts)
+        wait_for(lambda: measure(leg_crank=0.3) or len(efforts) > count + 5)
+        assert efforts_in(efforts[-1])[1] == 0.0
+        stop(node)
+    reader, report = LogReader(log), verified(log)
+    assert report.states == len(logged(log)[1][STATES])
+    ends = [(end.linkage, end.cause) for end in reader.torque_ends]
+    assert ends == [('boom', 'invalid measurement'), ('', 'SIGINT')]
 
 
 def test_a_linkage_that_cannot_run_live_is_refused_by_its_name(tmp_path):

@@ -346,7 +346,7 @@ class MeasuredStates(ExpectedStates):
     def handle(self, message: LoggedMessage) -> None:
         """Reads a measurement; see `ExpectedStates`."""
         if self._channel and message.channel == self._channel.number:
-            with suppress(ValueError):  # a rejected measurement has no state
+            with suppress(ValueError):  # a message for other joints has no state
                 received = self._cranks.read(message.data, message.time)
                 self._next.append(measurement_of(message.time, received))
 
@@ -358,6 +358,8 @@ class MeasuredStates(ExpectedStates):
         self, linkages: tuple[str, ...], stamps: npt.NDArray[np.int64]
     ) -> Iterator[tuple[Segments, list[int]]]:
         """Yields the leading stamps that match the next measurements; see `ExpectedStates`."""
+        while self._next and not self._next[0].coordinates:  # it has no state
+            self._efforts.end(self._next.pop(0).linkages[1])
         due = self._next[0].linkages if self._next else None
         fit = [
             stamp
@@ -401,7 +403,7 @@ class MeasuredStates(ExpectedStates):
         return False
 
     def held(self) -> dict[str, float]:
-        """Returns the last efforts, except refused ones; see `ExpectedStates`."""
+        """Returns the last efforts, except those that end; see `ExpectedStates`."""
         return {**self._efforts.values, **dict.fromkeys(self._next[0].linkages[1], 0.0)}
 
     def take(

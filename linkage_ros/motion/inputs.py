@@ -158,6 +158,10 @@ class Input:
         return {}
 
 
+class StaleError(ValueError):
+    """A message that is not newer than one that was accepted, so that it changes nothing."""
+
+
 class Received(NamedTuple):
     """What a message holds for the linkages of a run.
 
@@ -168,6 +172,13 @@ class Received(NamedTuple):
 
     values: dict[str, Any]
     refused: dict[str, ValueError]
+
+    @property
+    def invalid(self) -> tuple[str, ...]:
+        """Names of the linkages that reject the message although it is newer than the last."""
+        return tuple(
+            name for name, error in self.refused.items() if not isinstance(error, StaleError)
+        )
 
 
 def _read(source: Input, data: bytes, received: int) -> Any:
@@ -190,7 +201,7 @@ class SharedInput:
         """Reads a message; see `Input.read`.
 
         Raises:
-            ValueError: No linkage accepts the message. The error text is the cause.
+            UnnamedError: The message names no crank. The error text is the cause.
         """
         return self.collect(_read, data, received)
 
@@ -205,7 +216,7 @@ class SharedInput:
             received: Time of receipt, ns.
 
         Raises:
-            ValueError: As for `read`.
+            UnnamedError: As for `read`.
         """
         # Literals, because dict[str, Any]() takes a tenth of the time of a record.
         found: dict[str, Any] = {}
@@ -219,10 +230,8 @@ class SharedInput:
             except ValueError as error:
                 refused[name] = error
                 source.reject(error)
-        if found:
+        if found or refused:
             return Received(found, refused)
-        if refused:
-            raise ValueError('; '.join(refusals(refused)))
         for source, absent in zip(self.sources.values(), unnamed, strict=True):
             source.reject(absent)
         raise unnamed[0]
@@ -250,8 +259,3 @@ class SharedInput:
             for name, source in self.sources.items()
             for key, value in source.diagnostics().items()
         }
-
-
-def refusals(refused: Mapping[str, ValueError]) -> list[str]:
-    """Describes why linkages reject a message, given the errors by their names."""
-    return [f'{prefix_of(name, ": ")}{error}' for name, error in refused.items()]

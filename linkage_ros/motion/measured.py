@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import NamedTuple
 
+from linkage_ros.motion.inputs import StaleError
 from linkage_ros.motion.segments import Coordinates, Gravity, Segment
 from linkage_ros.numeric import with_turns, within_two_turns
 from linkage_ros.units import NS_PER_S, JointUnits
@@ -174,6 +175,7 @@ class FollowMotion:
         """Checks a measurement, without updating the motion.
 
         Raises:
+            StaleError: The measurement is not newer than the last one.
             ValueError: The measurement is rejected. The error text is the cause.
         """
         speed = 0.0 if velocity is None or math.isnan(velocity) else velocity
@@ -181,7 +183,7 @@ class FollowMotion:
             raise ValueError(NOT_FINITE)
         last = self.tracked.angle.stamp
         if last is not None and 0 <= last - stamp <= _RESTART:
-            raise ValueError(NOT_NEWER)
+            raise StaleError(NOT_NEWER)
 
     @staticmethod
     def _turns_since(angle: _Filter, turns: int, time: float, position: float) -> int:

@@ -13,7 +13,8 @@ from collections.abc import Callable, Iterable
 
 from linkage_ros.log.records import TorqueEnd
 
-MEASUREMENT_TIMEOUT = 'measurement_timeout'  # cause of a zero
+# Causes of zeros.
+MEASUREMENT_TIMEOUT, INVALID_MEASUREMENT = 'measurement_timeout', 'invalid measurement'
 
 
 class CommandedTorque:
@@ -49,10 +50,14 @@ class CommandedTorque:
     def end_if_due(self) -> None:
         """Ends the torques that were not renewed in time."""
         due = time.monotonic() - self._timeout
-        for linkage, renewed in [*self._renewed.items()]:
-            if renewed <= due:
-                del self._renewed[linkage]
-                self._send_zeros(TorqueEnd(time.time_ns(), MEASUREMENT_TIMEOUT, linkage))
+        late = [linkage for linkage, renewed in self._renewed.items() if renewed <= due]
+        self.end(late, MEASUREMENT_TIMEOUT)
+
+    def end(self, linkages: Iterable[str], cause: str) -> None:
+        """Ends the torques of linkages that have one, until it is renewed."""
+        for linkage in linkages:
+            if self._renewed.pop(linkage, None) is not None:
+                self._send_zeros(TorqueEnd(time.time_ns(), cause, linkage))
 
     def end_for_good(self, cause: str) -> None:
         """Ends all torques with the node, also if they have ended before: a zero may be lost."""

@@ -16,7 +16,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from linkage_ros.errors import ConfigurationError, one_line
 from linkage_ros.messages.cdr import LARGEST_COMMAND, stamp_of
-from linkage_ros.messages.topics import Topic
+from linkage_ros.messages.topics import Topic, prefix_of
+from linkage_ros.motion.inputs import Received
 from linkage_ros.node.process import Throttle, rclpy_internals
 from linkage_ros.units import NS_PER_S, TIME_END
 
@@ -27,8 +28,8 @@ _DELIVERY_SECONDS = 0.5  # time limit for a subscriber that does not respond
 # dropped. It is also the queue length of /clock, and large enough for a burst.
 _DEPTH = 100
 _PATIENCE = 0.05  # s, longest wait for a message, by which the end of a node is delayed
-# Number of causes of rejection that are counted separately between two reports. Causes contain
-# received names and values, so a flood of messages may have any number of them.
+# Number of causes of rejection that are counted separately between two reports, for each linkage.
+# Causes contain received names and values, so a flood of messages may have any number of them.
 _CAUSES = 5
 # Topics of every rclpy node.
 _ROS_TOPICS = ('/rosout', '/parameter_events')
@@ -178,8 +179,7 @@ class PolledSubscription:
         self._node = node
         self._topic, self._read, self._log = topic, read, log
         self._kind, self._depth = message_class(topic.interface.name), max(topic.depth, _DEPTH)
-        # Number of rejected messages since the last report, and the last error, by cause.
-        self._rejected: dict[str, tuple[int, str]] = {}
+        self._rejections = Rejections()  # since the last report
         self._throttle = Throttle()
         qos = QoSProfile(depth=self._depth, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._subscription = node.create_subscription(
@@ -235,21 +235,47 @@ class PolledSubscription:
             try:
                 result = self._read(data, received)
             except ValueError as error:
-                self.reject(str(error))
+                self._rejections.add(error)
             else:
+                if isinstance(result, Received):
+                    for linkage, cause in result.refused.items():
+                        self._rejections.add(cause, linkage)
                 yield result
-        if self._rejected and self._throttle.is_due():
-            counts = '; '.join(f'{words} ({n} x)' for n, words in self._rejected.values())
-            self._rejected.clear()
-            self._logger.warning(f'messages on {self.name} are rejected: {counts}')
+        if self._rejections and self._throttle.is_due():
+            self._logger.warning(f'messages on {self.name} are rejected: {self._rejections}')
+            self._rejections = Rejections()
 
-    def reject(self, words: str) -> None:
-        """Counts a rejected message for the next report, given the cause and details."""
+
+class Rejections:
+    """Counts rejected messages by linkage and cause."""
+
+    def __init__(self) -> None:
+        # Number of messages and the last error, by cause and by linkage.
+        self._found: dict[str, dict[str, tuple[int, str]]] = {}
+
+    def add(self, error: ValueError, linkage: str = '') -> None:
+        """Counts a message; the error's text is the cause, perhaps with a colon and details.
+
+        Args:
+            error: The error.
+            linkage: The linkage that rejects the message; '' for the only one, or for all.
+        """
+        causes, words = self._found.setdefault(linkage, {}), str(error)
         cause = words.partition(':')[0]
-        if cause not in self._rejected and len(self._rejected) >= _CAUSES:
+        if cause not in causes and len(causes) >= _CAUSES:
             cause = words = 'other causes'
-        count, _ = self._rejected.get(cause, (0, ''))
-        self._rejected[cause] = count + 1, words
+        count, _ = causes.get(cause, (0, ''))
+        causes[cause] = count + 1, words
+
+    def __bool__(self) -> bool:
+        return bool(self._found)
+
+    def __str__(self) -> str:
+        return '; '.join(
+            f'{prefix_of(linkage, ": ")}{words} ({count} x)'
+            for linkage, causes in self._found.items()
+            for count, words in causes.values()
+        )
 
 
 def read_clock(data: bytes, _: int) -> int:

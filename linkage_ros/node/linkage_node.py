@@ -19,9 +19,9 @@ from linkage_ros.messages.cdr import WARN, encode_diagnostics
 from linkage_ros.messages.templates import encode_efforts
 from linkage_ros.messages.topics import DIAGNOSTICS, SIMULATED_CLOCK, Topic, prefix_of
 from linkage_ros.motion.drives.follow import MeasuredCrank
-from linkage_ros.motion.inputs import Received, SharedInput, refusals
+from linkage_ros.motion.inputs import Received, SharedInput
 from linkage_ros.motion.segments import Coordinates, Motion
-from linkage_ros.node.commanded_torque import CommandedTorque
+from linkage_ros.node.commanded_torque import INVALID_MEASUREMENT, CommandedTorque
 from linkage_ros.node.endpoints import (
     PolledSubscription,
     StatePublisher,
@@ -150,9 +150,8 @@ class LinkageNode(ParameterNode):
         callbacks = self._robot.ticks, self._tick, self._restamp, self._fail
         if self._robot.drive.is_measured:
             ((measured, _),) = self._inputs
-            answer = functools.partial(self._answer, measured)
             receive = functools.partial(self._measurements, measured)
-            return Ticker(self._robot.ticks, answer, self._restamp, self._fail, receive)
+            return Ticker(self._robot.ticks, self._answer, self._restamp, self._fail, receive)
         if not self.get_parameter('use_sim_time').value:
             return RealTimeTicker(*callbacks)
         clock = PolledSubscription(self, SIMULATED_CLOCK, read_clock, lambda *_: None)
@@ -287,9 +286,6 @@ class LinkageNode(ParameterNode):
         for name, motion in motions.items():
             source.sources[name].prepare(motion, stamp)
         received = [*subscription.take()]
-        for one in received:
-            for words in refusals(one.refused):
-                subscription.reject(words)
 
         def applied(linkage: MovingLinkage) -> Motion:
             name = linkage.name
@@ -299,18 +295,17 @@ class LinkageNode(ParameterNode):
         return self._each(stamp, motions, applied)
 
     def _measurements(self, measured: PolledSubscription) -> Iterator[tuple[Received]]:
-        """Waits for measurements; ends the torques if they stop."""
+        """Waits for measurements; ends the torques of those that stop or are invalid."""
         for received in measured.receive(self._torque.seconds_left):
-            yield (received,)
+            self._torque.end(received.invalid, INVALID_MEASUREMENT)
+            if received.values:
+                yield (received,)
         self._torque.end_if_due()
 
-    def _answer(self, measured: PolledSubscription, received: Received) -> None:
+    def _answer(self, received: Received) -> None:
         """Publishes the state of a measurement; runs in the ticker's thread."""
-        for words in refusals(received.refused):
-            measured.reject(words)
         stamp, _ = next(iter(received.values.values()))
         under = self._each(stamp, self._moving, lambda x: x.conditions(stamp))
-        self._held.end(received.refused)
         found = dict[str, Moment]()
         for name, (_, coordinates) in received.values.items():
             if name in self._moving:

@@ -17,13 +17,13 @@ from linkage_ros.run.robot import HeldEfforts, Robot
 
 
 class Measurement(NamedTuple):
-    """An accepted message with measurements.
+    """A message with measurements.
 
     Attributes:
         time: Time of receipt, ns.
-        stamp: Its stamp, ns.
+        stamp: Its stamp, ns; 0 if no linkage accepts it.
         coordinates: Coordinates of each linkage that accepts it, by name.
-        linkages: Names of the linkages that accept it, and of the others that it names.
+        linkages: Names of the linkages that accept it, and of those whose efforts it ends.
     """
 
     time: int
@@ -35,9 +35,10 @@ class Measurement(NamedTuple):
 def measurement_of(time: int, received: Received) -> Measurement:
     """Returns a measurement, given its time of receipt, ns, and what was read."""
     values, refused = received
-    stamp, _ = next(iter(values.values()))
+    stamp, _ = next(iter(values.values()), (0, None))
+    ended = received.invalid if refused else ()
     found = {name: pair[1] for name, pair in values.items()}
-    return Measurement(time, stamp, found, (tuple(values), tuple(refused)))
+    return Measurement(time, stamp, found, (tuple(values), ended))
 
 
 class Answers(NamedTuple):
@@ -134,9 +135,11 @@ class MeasuredStates:
         read: Callable[[MeasuredCrank, bytes, int], tuple[int, Coordinates]],
     ) -> Iterator[Answers]:
         heard = self._heard(messages, read)
-        for (names, refused), group in groupby(heard, lambda one: one.linkages):
+        for (names, ended), group in groupby(heard, lambda one: one.linkages):
             found = [*group]
-            self._held.end(refused)
+            self._held.end(ended)
+            if not names:
+                continue
             parts = {
                 name: self._robot.simulators[name].part(
                     *self._sources[name].stacked([one.coordinates[name] for one in found])
@@ -159,4 +162,6 @@ class MeasuredStates:
                 received = self.cranks.collect(read, data, time)
             except ValueError:  # counted; `suppress` takes a twentieth of the time of a record
                 continue
-            yield measurement_of(time, received)
+            # An effort that ends shows in the states of others alone.
+            if received.values or len(self._sources) > 1:
+                yield measurement_of(time, received)
