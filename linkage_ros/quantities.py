@@ -119,8 +119,10 @@ class Quantity:
         """Suggests how to write a number, for an error message."""
         items = value if isinstance(value, (list, tuple)) else (value,)
         texts = [x for x in items if isinstance(x, str) and self._number(x) is None]
+        if self.kind in {'text', 'names'} and any(isinstance(x, bool) for x in items):
+            return '; ROS reads y, n, yes, no, on and off as booleans: choose another name'
         if self.kind == 'text' and items is value:
-            return ', not a list'
+            return ', not a list: only one can be given'
         if self.kind == 'choice':
             return did_you_mean(str(value), self.choices)
         if self.kind not in {'number', 'whole', 'pair', 'list'} or not texts:

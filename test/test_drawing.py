@@ -498,6 +498,8 @@ REFUSED = {
         {'slides': {'ram': {'pin': 'S', 'on': 'rail', 'direction': [1.0, 0.0]}}}, "on = 'rail'"),
     'a name that ROS reads as a boolean': (
         {'links': {**without(LINKS, 'rocker'), 'no': {'pins': ['B', 'Q']}}}, 'boolean'),
+    'a fixed pin that ROS reads as a boolean': ({'frame': [False]}, 'ROS reads y, n'),
+    'an input that ROS reads as a boolean': ({'input': True}, 'ROS reads y, n'),
     'a reserved name': (
         {'links': {**without(LINKS, 'rocker'), 'world': {'pins': ['B', 'Q']}}}, 'links.world'),
     'a name of two parts': (

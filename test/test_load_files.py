@@ -152,6 +152,7 @@ SLIDER   CURVE, at: [0.0, 13.0], value: [1.0, 1.0]  13 rad = 744.845 deg
 SLIDER   CURVE, at: [0.0, 6.283185307179586], value: [1.0, 2.0]  ends with 2 | first, 1
 SLIDER   CURVE, at: [0.0, .nan], value: [1.0, 1.0]  at = [0.0, nan] | from -1e+09
 SLIDER   CURVE, at: [0, x], value: [1.0, 1.0]     at' mixes types, 0 and 'x'
+SLIDER   CURVE, at: [x, N], value: [1.0, 1.0]     at': ROS reads N as a boolean
 SLIDER   CURVE, at: [], value: [1.0]              at' is an empty list
 SLIDER   CURVE, at: [a, b], value: [1.0, 1.0]     at = ['a', 'b'] | list of numbers
 SLIDER   CURVE, at: 1.0, value: [1.0]             at = 1.0 | list of numbers

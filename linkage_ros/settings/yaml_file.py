@@ -216,11 +216,19 @@ class _Reader:
         if isinstance(event, yaml.ScalarEvent):
             return self.scalar(name, event)
         items: list[_Scalar] = []
+        texts = list[str]()
         while not isinstance(event := self.next(), yaml.SequenceEndEvent):
             if not isinstance(event, yaml.ScalarEvent):
                 raise self.error(f'{name!r} holds {_show(event)}; {_VALUE}')
             items.append(self.scalar(name, event))
             types = {type(items[0]), type(items[-1])}
+            texts.append(event.value)
+            if types == {bool, str}:
+                text = texts[-1] if isinstance(items[-1], bool) else texts[0]
+                raise self.syntax_error(
+                    f'{name!r}: ROS reads {text} as a boolean; choose another name, or quote it '
+                    'if it is not a name'
+                )
             if len(types) > 1 and types != {int, float}:
                 mix = f'{shown(items[0])} and {shown(items[-1])}'
                 raise self.syntax_error(
