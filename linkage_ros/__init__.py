@@ -116,11 +116,12 @@ def __dir__() -> list[str]:
     return [*__all__, '__version__']
 
 
-def load(source: str) -> 'Configuration':
+def load(source: str, *, checks_drive: bool = True) -> 'Configuration':
     """Reads a parameter file or a preset.
 
     Args:
         source: Path of a ROS 2 parameter file, or name of a preset; see `preset_names`.
+        checks_drive: Whether to refuse a mechanism that its drive cannot move.
 
     Returns:
         The configuration of a run, with its `mechanism` and `drive`.
@@ -130,7 +131,7 @@ def load(source: str) -> 'Configuration':
     """
     from linkage_ros.settings import configuration  # needs PyYAML
 
-    return configuration.load(source)
+    return configuration.load(source, checks_drive=checks_drive)
 
 
 @overload

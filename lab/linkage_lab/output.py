@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from linkage_ros import ConfigurationError, __version__
+from linkage_ros import ConfigurationError, LinkageError, __version__, load
 from linkage_ros.cli import progress_bar
 from linkage_ros.formulas import Array
 from linkage_ros.internals import notes_on, replacement, require_new, text_output
@@ -87,6 +87,24 @@ def new_file(options: argparse.Namespace, path: Path) -> Path:
 def doubts(*linkages: Any) -> list[str]:
     """Returns a line for each parameter that was probably given in another unit."""
     return [line for one in linkages for line in notes_on(one)]
+
+
+def load_pose(source: str, linkage: str) -> tuple[Any, list[str]]:
+    """Loads a linkage for one position; its drive need not be able to move it from there.
+
+    Args:
+        source: Parameter file or preset.
+        linkage: Name of the linkage; empty for the only one.
+
+    Returns:
+        The configuration, and notes: why the drive cannot move it, and what is doubtful.
+    """
+    found, notes = load(source, checks_drive=False).linkage(linkage), list[str]()
+    try:
+        found.check_drive()
+    except LinkageError as error:
+        notes.append(str(error))
+    return found, [*notes, *doubts(found)]
 
 
 def progress(items: Iterable[Any], words: str) -> Iterable[Any]:

@@ -3,6 +3,7 @@
 """linkage_chart sketch: names, directions and lengths of what a parameter file means."""
 
 import itertools
+import json
 import math
 
 import pytest
@@ -10,6 +11,7 @@ from matplotlib.figure import Figure
 
 from linkage_lab import command_line
 from linkage_lab.charts.sketch import _zero, describe, draw_sketch, sketch_of
+from linkage_ros import ConfigurationError
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.presets import preset_names
 
@@ -146,3 +148,19 @@ def test_limited_crank_is_shown_as_drawn(drive):
     at = sketched.point(sketched.solver.structure.points['A'])
     assert (at.real, at.imag) == pytest.approx((0.05, 0.08))
     assert any(line.startswith('as drawn at ') for line in describe(sketched))
+
+
+@pytest.mark.parametrize('command', ['sketch', 'state'])
+def test_crank_that_cannot_turn_is_shown_with_a_note(tmp_path, monkeypatch, capsys, command):
+    values = LIMITED | {'rpm': 60.0, 'loads.push.kind': 'force', 'loads.push.pin': 'B',
+                        'loads.push.force': [1.0, 0.0]}  # fmt: skip
+    path = tmp_path / 'limited.yaml'
+    path.write_text(json.dumps({'/**': {'ros__parameters': values}}))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr('sys.argv', ['linkage_chart', command, str(path)])
+    assert command_line.main() == 0
+    out, err = capsys.readouterr()
+    assert 'arm' in out
+    assert 'note: ' in err
+    with pytest.raises(ConfigurationError, match='cannot turn fully'):
+        load(str(path))

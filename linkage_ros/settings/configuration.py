@@ -90,6 +90,15 @@ class Linkage:
             dyads = [f'{len(dyads)} dyad{"s" * (len(dyads) > 1)}']
         return f'{bars} ({" + ".join([kind, *dyads])})'
 
+    def check_drive(self) -> None:
+        """Checks that the drive can move the mechanism.
+
+        Raises:
+            LinkageError: It cannot; the message states the reason.
+        """
+        with (self.drawn_mechanism or self.mechanism).suspicion():
+            self.drive.check(self.mechanism)
+
     @property
     def robot_joints(self) -> tuple[RobotJoint, ...]:
         """The joint of each link in messages."""
@@ -211,13 +220,14 @@ def without_ros_parameters(values: Mapping[str, object]) -> dict[str, object]:
     return {name: value for name, value in values.items() if name not in _ROS_PARAMETERS}
 
 
-def configure(values: Mapping[str, object]) -> Configuration:
+def configure(values: Mapping[str, object], *, checks_drive: bool = True) -> Configuration:
     """Validates parameters and creates a configuration.
 
     Args:
         values: Values by dotted parameter name. If neither 'mechanism' nor 'linkages' is given,
             they override the values of the quadrilateral preset, unless its torque would be sent
             to a controller.
+        checks_drive: Whether to refuse a mechanism that its drive cannot move.
 
     Returns:
         The validated configuration.
@@ -233,7 +243,8 @@ def configure(values: Mapping[str, object]) -> Configuration:
     for name in names:
         prefix = {'joint_prefix': f'{name}_'} if name else {}
         try:
-            found.append(_configured(name, {**prefix, **top, **own[name]}))
+            own_values = {**prefix, **top, **own[name]}
+            found.append(_configured(name, own_values, checks_drive=checks_drive))
         except ConfigurationError as error:
             errors[name] = error
     _check(errors, names)
@@ -261,7 +272,7 @@ def _check(errors: Mapping[str, ConfigurationError], names: Sequence[str]) -> No
     mistakes.check()
 
 
-def _configured(name: str, given: Mapping[str, object]) -> Linkage:
+def _configured(name: str, given: Mapping[str, object], *, checks_drive: bool) -> Linkage:
     """Validates the parameters of a linkage, given without its name.
 
     Raises:
@@ -316,8 +327,8 @@ def _configured(name: str, given: Mapping[str, object]) -> Linkage:
             "joints: a name is '', but with drive: torque each joint must be published, because a "
             'log of it could not be verified'
         )
-    with made.suspicion():
-        drive.check(mechanism)
+    if checks_drive:
+        found.check_drive()
     return found
 
 
@@ -463,11 +474,12 @@ def with_files(values: Mapping[str, Any], path: Path | str) -> dict[str, Any]:
     }
 
 
-def load(source: str) -> Configuration:
+def load(source: str, *, checks_drive: bool = True) -> Configuration:
     """Reads the configuration from a parameter file or a preset.
 
     Args:
         source: Path of a ROS 2 parameter file, or name of a preset.
+        checks_drive: Whether to refuse a mechanism that its drive cannot move.
 
     Returns:
         The validated configuration.
@@ -478,7 +490,7 @@ def load(source: str) -> Configuration:
     """
     values = read_values(source)
     with in_file(source):
-        return configure(values)
+        return configure(values, checks_drive=checks_drive)
 
 
 def configuration_of(made: Mechanism | Drawing, rpm: float) -> Linkage:

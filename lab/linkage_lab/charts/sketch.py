@@ -24,13 +24,13 @@ from linkage_lab.output import (
     TEXT,
     WIDTH,
     chart,
-    doubts,
+    load_pose,
     pictures,
     rounded,
 )
 from linkage_lab.period import Period
 from linkage_lab.sampling import without_loads
-from linkage_ros import ConfigurationError, Solver, Spring, State, cli, load
+from linkage_ros import ConfigurationError, Solver, Spring, State, cli
 from linkage_ros.extensions import LOADS
 from linkage_ros.formulas import Array
 from linkage_ros.internals import UNITS, Drawing, axes_of
@@ -116,11 +116,11 @@ def sketch(options: argparse.Namespace) -> None:
         ConfigurationError: The mechanism or an option is invalid, or a file cannot be written.
         UnreachableError: The mechanism cannot be at the position.
     """
-    design, name = load(options.params).linkage(options.linkage), Path(options.params).stem
+    (design, notes), name = load_pose(options.params, options.linkage), Path(options.params).stem
     sketched = sketch_of(design, options.at)
     lines = [*describe(sketched)]
     files = pictures(options, f'{name}_sketch')
-    cli.print_notes(doubts(design))
+    cli.print_notes(notes)
     wrap = functools.partial(textwrap.wrap, width=_CHARACTERS, subsequent_indent='    ')
     written = [*itertools.chain(*map(wrap, lines))]
     height = _ROOM + HIGH + _LINE * len(written) + 0.15

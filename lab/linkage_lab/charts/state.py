@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 from linkage_lab.output import (
-    doubts,
+    load_pose,
     new_file,
     save_csv,
 )
 from linkage_lab.sampling import without_loads
-from linkage_ros import ConfigurationError, LinkageError, Mechanism, Solver, cli, load
+from linkage_ros import ConfigurationError, LinkageError, Mechanism, Solver, cli
 from linkage_ros.internals import STANDARD_OUTPUT
 from linkage_ros.quantities import Angle
 
@@ -63,10 +63,10 @@ def state(options: argparse.Namespace) -> None:
         UnreachableError: No assembly exists at this position.
     """
     table = options.csv and new_file(options, options.csv)
-    design = load(options.params).linkage(options.linkage)
+    design, notes = load_pose(options.params, options.linkage)
     place, speed, words = position_and_speed(design, options)
-    found, notes = snapshots(design, place, speed, options.acceleration)
-    cli.print_notes([*doubts(design), *notes])
+    found, more = snapshots(design, place, speed, options.acceleration)
+    cli.print_notes([*notes, *more])
     if options.json:
         cli.print_json({
             'position': words,
