@@ -30,10 +30,12 @@ from trajectory_msgs.msg import JointTrajectory
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
+from linkage_ros.messages.cdr import decode_trajectory
 from linkage_ros.motion.drives.torque import TorqueCommands
 from linkage_ros.motion.inputs import SharedInput
 from linkage_ros.programs.log_commands import info
 from linkage_ros.run.robot import Robot
+from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import configure
 from linkage_ros.settings.parameters import OF_THE_RUN
 
@@ -141,6 +143,31 @@ def test_a_trajectory_for_a_motion_that_has_ended_is_rejected_for_it_alone():
     assert tuple(source.read(data, 0).refused) == ('left',)
     counts = [source.sources[name].counts['trajectories rejected'] for name in LEGS['linkages']]
     assert counts == [2, 0]
+
+
+def test_the_end_of_one_law_leaves_the_trajectories_of_the_others_whole():
+    robot = Robot(configure({**LEGS, 'trajectory_command_topic': 'planned'}))
+    ahead, begin, end = TrajectoryAhead(robot), 20 * MS, 100 * MS
+    motions = {name: simulator.begin(0) for name, simulator in robot.simulators.items()}
+    for stamp in (begin, begin + 250 * MS):
+        _, _, points = decode_trajectory(ahead.message_at(motions, stamp))
+        assert points[-1].time == ahead._horizon
+        ((place, *_), *_) = [p.positions for p in points if stamp + p.time >= end]
+        for point in points:
+            time = stamp + point.time
+            ((q, u, a, effort), right) = zip(*point[:4], strict=True)
+            assert right[0] == motions['right'].at(time).unwrapped
+            assert bool(right[3])
+            if time > end:
+                assert (q, u, a, effort) == (place, 0.0, 0.0, 0.0)
+            else:
+                assert q == motions['left'].at(time).unwrapped
+                assert effort
+        motions.pop('left', None)
+    # The last law ends the trajectories.
+    motions = {'left': robot.simulators['left'].begin(0)}
+    _, _, points = decode_trajectory(TrajectoryAhead(robot).message_at(motions, begin))
+    assert points[-1].time == end - begin
 
 
 def test_a_command_for_a_motion_that_has_ended_is_rejected_for_it_alone():

@@ -4,7 +4,6 @@
 
 from collections import deque
 from collections.abc import Mapping
-from contextlib import suppress
 
 from linkage_ros.errors import MotionError
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS
@@ -28,7 +27,7 @@ class TrajectoryAhead:
     after a change of the forces, which may come at any rate.
 
     Each trajectory names the cranks of all linkages, because controllers refuse others. A crank
-    whose motion has ended stays at its last place with an effort of 0.
+    whose motion ends stays at its last place with an effort of 0, while another one moves.
 
     Attributes:
         topic: Topic of the trajectories.
@@ -71,11 +70,12 @@ class TrajectoryAhead:
             for name, crank in cranks:
                 crank.take(motions.get(name))
             self._next = self._due = stamp
-        with suppress(MotionError):  # a law may end within the horizon
-            while self._next < stamp + self._horizon + _STEP:
-                values = [crank.values(motions.get(name), self._next) for name, crank in cranks]
-                self._points.append((self._next, [*zip(*values, strict=True)]))
-                self._next += _STEP
+        while self._next < stamp + self._horizon + _STEP:
+            values = [crank.values(motions.get(name), self._next) for name, crank in cranks]
+            if not any(crank.moves for crank in self._cranks.values()):
+                break  # the last law ends within the horizon
+            self._points.append((self._next, [*zip(*values, strict=True)]))
+            self._next += _STEP
         while len(self._points) > 1 and self._points[1][0] <= stamp:
             self._points.popleft()
         if stamp < self._due:
@@ -103,6 +103,7 @@ class _Crank:
     Attributes:
         name: Name of the joint.
         joint: The joint.
+        moves: Whether the motion has not ended at the stamp of the last values.
     """
 
     def __init__(self, simulator: Simulator) -> None:
@@ -111,6 +112,7 @@ class _Crank:
         self._segment: Segment | None = None
         self._under = OWN_CONDITIONS  # those of the points
         self._place = 0.0  # the last one in a point
+        self.moves = False
 
     def differs(self, motion: Motion | None) -> bool:
         """Returns whether the points belong to another segment."""
@@ -124,16 +126,17 @@ class _Crank:
         """Takes the segment and the conditions of further points."""
         self._segment = motion.segment if motion else None
         self._under = motion.conditions if motion else OWN_CONDITIONS
+        self.moves = motion is not None
 
     def values(self, motion: Motion | None, stamp: int) -> tuple[float, float, float, float]:
-        """Returns position, velocity, acceleration and effort at a stamp, ns.
-
-        Raises:
-            MotionError: The motion ends before the stamp.
-        """
-        if motion is None:
+        """Returns position, velocity, acceleration and effort at a stamp, ns."""
+        try:
+            if not (motion and self.moves):
+                return self._place, 0.0, 0.0, 0.0
+            (q,), (u,), (a,), unwrapped, *_ = motion.at(stamp)
+        except MotionError:
+            self.moves = False
             return self._place, 0.0, 0.0, 0.0
-        (q,), (u,), (a,), unwrapped, *_ = motion.at(stamp)
         torque = float(self._solver.state(q, u, a, under=self._under).torque)
         joint = self.joint
         self._place = joint.value(unwrapped)
