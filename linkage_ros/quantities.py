@@ -288,8 +288,11 @@ def unknown_name(name: str, owner: str, valid: Collection[str], where: str) -> s
     hint = f'; {group} has {", ".join(words)}' if words else ''
     if words and group == name:
         hint += f'; write {name}: {{{words[0]}: ...}}'
+    elif name.endswith('.weight') and 'mass' in words:
+        hint += '; give mass, in kg'
     else:
-        hint += did_you_mean(name, valid)
+        depth = name.count('.') + 1  # the name may be that of a group
+        hint += did_you_mean(name, ['.'.join(x.split('.')[:depth]) for x in valid])
     return f'{shown(name)} is not a parameter of {owner}{hint}; {where} lists all'
 
 

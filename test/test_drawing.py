@@ -495,7 +495,7 @@ REFUSED = {
         {'slides': {'ram': {'pin': 'S', 'direction': [0.0, 0.0]}}}, 'must be a direction'),
     'a slide without a pin': ({'slides': {'ram': {'direction': [1.0, 0.0]}}}, 'give pin, or pins'),
     'a slide on nothing': (
-        {'slides': {'ram': {'pin': 'S', 'on': 'rail', 'direction': [1.0, 0.0]}}}, "on = 'rail'"),
+        {'slides': {'ram': {**SLIDES['ram'], 'on': 'rail'}}}, "^drawing.slides.ram.on = 'rail'"),
     'a name that ROS reads as a boolean': (
         {'links': {**without(LINKS, 'rocker'), 'no': {'pins': ['B', 'Q']}}}, 'boolean'),
     'a fixed pin that ROS reads as a boolean': ({'frame': [False]}, 'ROS reads y, n'),
@@ -609,6 +609,20 @@ REFUSED_BESIDE = {
     'the rpm of a slide': ({'drawing.input': 'ram'}, 'ram slides, so that it has no rpm'),
     'degrees of a slide': ({**SLIDING, 'motion.center': '10deg'}, 'in m, because the ram slides'),
     'a slide driven too far': ({**SLIDING, 'motion.center': 7.0}, 'cannot move at 7 m'),
+    'a group misspelt': (
+        {'drawing.linkz.crank.pins': ['O', 'A'], 'drawing.linkz.rod.pins': ['A', 'B'],
+         **{f'drawing.links.{name}.pins': LEFT_OUT for name in LINKS}},
+        r"^'drawing.linkz' is not a .* did you mean drawing.links\?"),
+    'a law of another drive': (
+        {'motion.center': 1.0, 'motion.amplitude': 0.1}, "'motion' is .* write drive: motion"),
+    'the name of a link for the input': (
+        {'drawing.cylinders.crank.from': 'O', 'drawing.cylinders.crank.to': 'P'},
+        'cylinders.crank has the name of drawing.links.crank'),
+    'a weight': ({'drawing.links.crank.weight': 1.0}, 'give mass'),
+    'a spring without any cylinder': (
+        {**SPRING, 'loads.f.cylinder': 'gas', 'loads.f.stiffness': 1.0,
+         'drawing.cylinders.gas.from': LEFT_OUT, 'drawing.cylinders.gas.to': LEFT_OUT},
+        'add drawing.cylinders.gas'),
     'a force at no pin': ({**FORCE, 'loads.f.pin': 'X'}, "no pin 'X'; must be one of A, B,"),
     'a force on no link': (
         {**FORCE, 'loads.f.link': 'X', 'loads.f.at': [1.0, 1.0]}, "link = 'X': must be one"),

@@ -254,6 +254,8 @@ class DrawnMechanism(Checked):
     def drives(cls, values: Mapping[str, object]) -> tuple[tuple[str, ...], str]:
         """See `Mechanism.drives`."""
         driven = str(values.get('drawing.input'))
+        if any(name.startswith(f'drawing.links.{driven}.') for name in values):
+            return (), ''  # a slide with the name of a link is refused later
         for group in ('slides', 'cylinders'):
             if any(name.startswith(f'drawing.{group}.{driven}.') for name in values):
                 return ('torque', 'motion', 'follow'), (
@@ -495,6 +497,7 @@ def _loose_parts(drawing: Drawing) -> Iterator[str]:
 
 def _bad_centers(drawing: Drawing) -> Iterator[str]:
     known = {name: Exact.of(place) for name, place in drawing.pins.items()}
+    bodies = {FRAME_NAME, *(part.name for _, part, _ in _parts(drawing))}
     for label, part, pins in _parts(drawing):
         own: dict[str, tuple[Any, Sequence[str]]] = {label: (part, pins)}
         if isinstance(part, DrawnCylinder):
@@ -503,6 +506,8 @@ def _bad_centers(drawing: Drawing) -> Iterator[str]:
                 f'{label}.rod': (part.rod, (part.to,)),
             }
         for name, (body, its_pins) in own.items():
+            if isinstance(body, DrawnSlide) and body.on not in bodies - {body.name}:
+                continue  # refused elsewhere
             if isinstance(body, DrawnSlide) and body.on == FRAME_NAME:
                 if body.center is not None:
                     yield f'{name}.center: on the frame it is the pin; leave it out'

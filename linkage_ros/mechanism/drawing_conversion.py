@@ -658,6 +658,11 @@ class Conversion:
         kinds = {x.name: getattr(x.metadata.get('quantity'), 'kind', '') for x in fields(load)}
         if cylinder:
             given = {x.name: x for x in self.drawing.cylinders if x.name != self.drawing.input}
+            if not given:
+                raise ConfigurationError(
+                    f'{label}.cylinder = {shown(cylinder)}: the drawing has no cylinder besides '
+                    f'the input; add drawing.cylinders.{cylinder}: {{from: PIN, to: PIN}}'
+                )
             if cylinder not in given:
                 raise ConfigurationError(
                     f'{label}.cylinder = {shown(cylinder)}: must be one of {listed(given)}'

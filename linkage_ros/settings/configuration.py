@@ -3,6 +3,7 @@
 """Creates a validated configuration from the parameters of a node, a file or a log."""
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -294,11 +295,15 @@ def _configured(name: str, given: Mapping[str, object], *, checks_drive: bool) -
             f'mechanism = {shown(kind.mechanism)}, with a drawing: write mechanism: drawing, or '
             'leave drawing out'
         )
+    unknown = _unknown_groups(unknown, [*names, *(x.name for x in parameter_leaves(kind))])
     mistakes.count(len(unknown[_EXPLAINED:]))
     for parameter in unknown[:_EXPLAINED]:
         with mistakes:
             reason = unused.get(parameter, '')
             raise ConfigurationError(_not_a_parameter(parameter, kind, names, reason))
+    known = {name.split('.')[1] for name in names if name.startswith('drawing.')}
+    if any(x.startswith('drawing.') and x.split('.')[1] not in known for x in unknown):
+        mistakes.check()  # without a group, the other mistakes are mostly consequences
     with mistakes:
         made = build(MECHANISMS[kind.mechanism], chosen)
         mechanism = made.converted()
@@ -397,6 +402,18 @@ def _require_harmless(drive: Drive) -> None:
         )
 
 
+def _unknown_groups(unknown: Sequence[str], valid: Sequence[str]) -> list[str]:
+    """Returns unknown names; those in one unknown group are replaced by the name of the group."""
+    known = {name[: match.start()] for name in valid for match in re.finditer(r'\.', name)}
+    found = list[str]()
+    for name in unknown:
+        ends = [match.start() for match in re.finditer(r'\.', name)]
+        group = next((name[:end] for end in ends if name[:end] not in known), name)
+        is_shared = sum(x.startswith(f'{group}.') for x in unknown) > 1
+        found.append(group if is_shared else name)
+    return list(dict.fromkeys(found))
+
+
 def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str], reason: str) -> str:
     """Returns the error message for an unknown parameter of a mechanism and drive."""
     owner = _with_article(DRIVES[kind.drive].subject.format(kind.mechanism))
@@ -415,7 +432,8 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str], r
     mechanisms = _others(sought, MECHANISMS, kind.mechanism)
     having = [*(f'a crank with drive: {x}' for x in drives), *map(_with_article, mechanisms)]
     if having:
-        return f'{mistake}: only {" or ".join(having)} has {sought}; leave it out'
+        cure = ''.join(f'write drive: {x}, or ' for x in drives[:1])
+        return f'{mistake}: only {" or ".join(having)} has {sought}; {cure}leave it out'
     return unknown_name(name, owner, [*valid, *every], 'linkage_record --help-parameters')
 
 
