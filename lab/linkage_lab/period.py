@@ -330,8 +330,8 @@ def _at_given_speed(
         ConfigurationError: No speed is given, options exclude each other, or the reactions have
             no finite value.
     """
-    rpm = getattr(design.drive, 'rpm', None) if rpm is None else rpm
-    if rpm is None:
+    rpm, words = _rpm(design, rpm)
+    if 'fluctuation' in options and words:
         raise ConfigurationError(
             f'{source} has no crank speed of its own: give a speed, such as --rpm 60'
         )
@@ -344,7 +344,7 @@ def _at_given_speed(
     period = speed_driven_period(
         design.mechanism, rpm * math.pi / 30, acceleration, reactions='reactions' in options
     )
-    speed = f'{rpm:g} rpm' + (f', {acceleration:g} rad/s^2' if acceleration else '')
+    speed = f'{rpm:g} rpm{words}' + (f', {acceleration:g} rad/s^2' if acceleration else '')
     return period, [period.solver.reach.grashof, speed, *travel(period.solver).words()]
 
 
@@ -383,6 +383,12 @@ def _along_law(source: str, design: Any, options: dict[str, Any]) -> tuple[Perio
     return period, [_group(solver), drive.words(period.driven), *_ranges(period)]
 
 
+def _rpm(design: Any, given: float | None) -> tuple[float, str]:
+    """Returns the crank speed, rpm, and ' (assumed)' if neither user nor drive gives it."""
+    rpm = getattr(design.drive, 'rpm', None) if given is None else given
+    return (_SLOW_RPM, ' (assumed)') if rpm is None else (rpm, '')
+
+
 def _over_arc(
     source: str, design: Any, rpm: float | None, options: dict[str, Any]
 ) -> tuple[Period, list[str]]:
@@ -392,12 +398,12 @@ def _over_arc(
         ConfigurationError: An option does not apply.
     """
     _require_no(options, f'the crank of {source} cannot turn fully')
-    rpm, solver = _SLOW_RPM if rpm is None else rpm, Solver(design.mechanism)
+    (rpm, assumed), solver = _rpm(design, rpm), Solver(design.mechanism)
     low, high = solver.reach.arc_around(design.drive.drawn_angle(design.mechanism))
     margin = _MARGIN * (high - low)  # the rates are infinite at the ends
-    speed, words = rpm * math.pi / 30, f'{rpm:g} rpm over its arc'
+    speed, words = rpm * math.pi / 30, f'{rpm:g} rpm over its arc{assumed}'
     if solver.reach.slides:
-        speed, words = _SLOW, f'{_SLOW:g} m/s over its stroke'
+        speed, words = _SLOW, f'{_SLOW:g} m/s over its stroke (assumed)'
     crank, moving = np.linspace(low + margin, high - margin, 721), without_loads(solver)
     crank = with_breaks(crank, solver, lambda angles: moving.state(angles, speed))
     period = _at_speed(solver, crank, speed, reactions='reactions' in options)

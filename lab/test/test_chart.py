@@ -557,14 +557,21 @@ def test_default_bandwidth_in_the_chart_is_that_of_the_drive():
     assert FollowDrive().follow_bandwidth == accuracy.DEFAULT_BANDWIDTH
 
 
-@pytest.mark.parametrize(('kind', 'rest'), [('motion', []), ('movie', ['crank.gif'])])
 @pytest.mark.parametrize('drive', ['torque', 'follow'])
-def test_file_without_crank_speed_needs_rpm_option(tmp_path, called, kind, rest, drive):
+def test_speed_that_a_file_does_not_give_is_assumed(tmp_path, called, drive):
     path = tmp_path / 'crank.yaml'
     values = {**FOLLOWED, 'drive': drive}
     path.write_text(json.dumps({'/**': {'ros__parameters': values}}))
-    words = 'crank.yaml has no crank speed of its own: give a speed, such as --rpm 60'
-    assert_refused(*called(command_line, kind, path, *rest), words)
+    code, out, err = called(command_line, 'motion', path, '--out', tmp_path)
+    assert code == 0, err
+    assert '1 rpm (assumed)' in out
+    code, out, _ = called(
+        command_line, 'motion', path, '--rpm', '2', '--out', tmp_path, '--overwrite'
+    )
+    assert code == 0
+    assert 'assumed' not in out
+    wheel = '--fluctuation', '0.02', '--overwrite', '--out', tmp_path
+    assert_refused(*called(command_line, 'motion', path, *wheel), 'such as --rpm 60')
 
 
 @pytest.mark.parametrize('rpm', [60.0, -60.0])

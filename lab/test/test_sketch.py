@@ -164,3 +164,12 @@ def test_crank_that_cannot_turn_is_shown_with_a_note(tmp_path, monkeypatch, caps
     assert 'note: ' in err
     with pytest.raises(ConfigurationError, match='cannot turn fully'):
         load(str(path))
+
+
+@pytest.mark.parametrize('unit', ['m', 'cm', 'mm', 'in'])
+def test_lengths_are_in_the_unit_of_the_drawing(unit):
+    sketched = sketch_of(configure(LIMITED | {'drive': 'follow', 'drawing.units': unit}).only)
+    lines = [*describe(sketched)]
+    (frame,) = (line for line in lines if line.startswith('frame: '))
+    assert frame.endswith('Q (0.4, 0)')
+    assert any(f'lengths in {unit},' in line for line in lines)

@@ -55,7 +55,7 @@ class Sketched:
         solver: Solver of the mechanism without loads, which do not change the motion.
         place: Position of the driven joint, rad or m.
         state: The state there, at the speed of the file.
-        unit: Unit of lengths: 'm' or 'mm'.
+        unit: Unit of lengths, that of the drawing: 'm', 'mm', 'cm' or 'in'.
         path: Positions of the links along the paths of the pins, rad and m, shape (n, links); None
             for all that they can reach.
     """
@@ -84,7 +84,7 @@ class Sketched:
 
     def length(self, value: float, digits: int = 5) -> str:
         """Writes a length, m, in the unit of the sketch."""
-        return f'{round(value * (1000 if self.unit == "mm" else 1), 9) + 0.0:.{digits}g}'
+        return f'{round(value / float(UNITS[self.unit]), 9) + 0.0:.{digits}g}'
 
     def at(self, point: complex) -> str:
         """Writes a place, m, in the unit of the sketch."""
@@ -180,7 +180,7 @@ def _unit(design: Any) -> str:
     """Returns the unit of lengths in a sketch."""
     given = getattr(getattr(design.drawn_mechanism, 'drawing', None), 'units', '')
     longest = max(map(abs, _lengths(design.mechanism)))
-    return 'mm' if given in {'mm', 'cm'} or (not given and longest < 1) else 'm'
+    return given or ('mm' if longest < 1 else 'm')
 
 
 def _drawn_at(design: Any) -> float | None:
