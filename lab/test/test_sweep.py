@@ -585,16 +585,21 @@ def test_a_study_varies_the_numbers_of_a_drawing(run):
         base: press.yaml
         designs: 3
         ranges: {drawing.pins.Q.0: [130.0, 140.0]}
-        tolerances: {drawing.links.coupler.mass: 0.1}
+        tolerances: {drawing.links.coupler.mass: 0.1, drawing.links.rocker.length: 0.5}
         measures: [stroke]
         """
     assert run(textwrap.dedent(study))[0] == 0
     with Path('study.csv').open(newline='') as stream:
         names, *rows = csv.reader(stream)
-    pin, stroke = (next(i for i, x in enumerate(names) if word in x) for word in ('Q.0', 'stroke'))
+    pin, length, stroke = (
+        next(i for i, x in enumerate(names) if word in x) for word in ('Q.0', 'length', 'stroke')
+    )
     for row in rows:
         assert 'Q: [140.0,' in text
-        Path('one.yaml').write_text(text.replace('Q: [140.0,', f'Q: [{float(row[pin])!r},'))
+        assert 'rocker: {pins: [Q, B]' in text
+        one = text.replace('Q: [140.0,', f'Q: [{float(row[pin])!r},')
+        rocker = f'rocker: {{length: {float(row[length])!r}, pins: [Q, B]'
+        Path('one.yaml').write_text(one.replace('rocker: {pins: [Q, B]', rocker))
         low, high = travel(Solver(load('one.yaml').mechanism)).extremes
         assert float(row[stroke]) == pytest.approx(abs(high - low), rel=1e-9)
 
@@ -864,7 +869,7 @@ def test_ctrl_c_leaves_complete_rows_of_measured_designs(run, monkeypatch):
         ('base: quadrilateral', '', 'base is missing'),
         ('seed: 3', 'sampler: dice', 'sobol'),
         ('designs: 200', 'designs: 7\nsampler: grid', 'at least 8'),
-        ('crank.length', 'crank.lenght', 'FourBar: choose from frame.length, '),
+        ('crank.length', 'crank.lenght', 'four_bar: choose from frame.length, '),
         ('crank.length', 'crank.center', 'crank.length, crank.mass, '),
         ('crank.length', 'rocker.damping', 'write loads.NAME.damping, with a name of the base'),
         ('[0.05, 0.2]', '[0.2, 0.2]', 'empty'),

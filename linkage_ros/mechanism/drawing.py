@@ -176,6 +176,16 @@ class Drawing(Checked):
         super().__post_init__()
         _check(self)
 
+    @property
+    def lengths(self) -> dict[str, float]:
+        """The length of each link that may have one, as given or drawn, in `units`, by name."""
+        guides = {slide.on for slide in self.slides}
+        return {
+            link.name: link.length or math.dist(*(self.pins[pin] for pin in link.pins))
+            for link in self.links
+            if len(link.pins) == 2 and link.name not in guides
+        }
+
     def __repr__(self) -> str:
         parts: dict[str, Sequence[Any]] = {
             'links': self.links,

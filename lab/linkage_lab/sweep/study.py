@@ -249,7 +249,7 @@ def _columns(
     columns: dict[str, Leaf] = {}
     for group, name in [(x, name) for x in ('ranges', 'tolerances') for name in groups[x]]:
         if name not in valid:
-            owner = f'this {type(mechanism).__name__}'
+            owner = f'this {base.kind.mechanism}'
             raise ConfigurationError(_unknown(name, owner, valid))
         if name in columns:
             raise ConfigurationError(f'{name} has a range and a tolerance: leave one out')
@@ -308,6 +308,8 @@ def parameters(mechanism: Any, speed: float | None) -> Iterator[Leaf]:
         speed: Speed of the driven joint, rpm or m/s; None if there is none.
     """
     values: dict[str, Any] = flatten(mechanism)
+    if drawing := getattr(mechanism, 'drawing', None):
+        values |= {f'drawing.links.{name}.length': x for name, x in drawing.lengths.items()}
     for leaf in leaves(type(mechanism), values=values):
         if leaf.name not in values:  # optional, and missing from the base
             continue
