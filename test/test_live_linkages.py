@@ -32,7 +32,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.messages.cdr import decode_trajectory
 from linkage_ros.motion.drives.torque import TorqueCommands
-from linkage_ros.motion.inputs import SharedInput
+from linkage_ros.motion.inputs import SharedInput, UnnamedError
 from linkage_ros.programs.log_commands import info
 from linkage_ros.run.robot import Robot
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
@@ -178,7 +178,11 @@ def test_a_command_for_a_motion_that_has_ended_is_rejected_for_it_alone():
     commands['left'].has_ended = True
     values, refused = source.read(serialize_message(command), 0)
     assert (values, [*refused]) == ({'right': 2.0}, ['left'])
-    assert [one.counts['commands rejected'] for one in commands.values()] == [1, 0]
+    short = JointState(name=['left_crank', 'other'], effort=[1.0])  # it is not for the right one
+    for one in commands.values():
+        one.has_ended = False
+    assert [*source.read(serialize_message(short), 0).refused] == ['left']
+    assert [one.counts['commands rejected'] for one in commands.values()] == [2, 0]
 
 
 def test_commands_name_any_cranks_and_a_plant_that_ends_leaves_the_others_alone(tmp_path):
@@ -273,6 +277,9 @@ def test_invalid_measurements_in_messages_of_their_own_end_a_torque_at_once(tmp_
               'measurement_timeout': 0.0, 'log': str(log),
               **{f'{name}.{x}': y for name in names
                  for x, y in FOLLOWERS[name].items()}}  # fmt: skip
+    (cranks,) = Robot(configure(values)).inputs().values()
+    with pytest.raises(UnnamedError):  # it ends no torque
+        cranks.read(b'no message', 0)
     with watched(TYPES, *arguments_of(tmp_path, values)) as (listener, node):
         publisher = listener.node.create_publisher(JointState, '/measured_joint_states', 10)
         wait_for(publisher.get_subscription_count)

@@ -209,14 +209,16 @@ class MeasuredCrank(Input):
         """Reads a joint from a message.
 
         Raises:
-            UnnamedError: The message has no position of the joint.
-            ValueError: The message has no measurement. The error text is the cause.
+            UnnamedError: The message has no position of the joint, or is no JointState.
+            DoubtfulJointError: The message must be rejected; as every error text, this is the
+                cause.
         """
         try:
             stamp, value, velocity = reader.read(data)
+        except DoubtfulJointError:
+            raise
         except ValueError as error:
-            is_doubtful = isinstance(error, DoubtfulJointError)
-            raise ValueError(str(error) if is_doubtful else NO_JOINT_STATE) from error
+            raise UnnamedError(NO_JOINT_STATE) from error
         if value is None:
             raise UnnamedError(NO_CRANK)
         if not joint.is_mapped:

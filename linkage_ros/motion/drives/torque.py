@@ -254,16 +254,16 @@ class TorqueCommands(Input):
             UnnamedError: It does not name this crank.
             ValueError: The message is not a command for this crank.
         """
-        if self._crank in names:
-            self.require_motion()
+        shown = ascii(', '.join(names))[1:-1] or 'nothing'
+        if self._crank not in names:
+            raise UnnamedError(f'it names {shown:.80}: must name {self._crank} once')
+        self.require_motion()
         if len(efforts) != len(names):
             raise ValueError(
                 f'{len(names)} names and {len(efforts)} efforts: must be one for each'
             )
         if list(names).count(self._crank) != 1:
-            shown = ascii(', '.join(names))[1:-1] or 'nothing'
-            kind = ValueError if self._crank in names else UnnamedError
-            raise kind(f'it names {shown:.80}: must name {self._crank} once')
+            raise ValueError(f'it names {shown:.80}: must name {self._crank} once')
         torque = float(efforts[list(names).index(self._crank)]) * self._ratio
         if not math.isfinite(torque):
             raise ValueError(f'effort {torque}: must be a finite number, {self._unit}')
