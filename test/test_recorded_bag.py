@@ -190,6 +190,18 @@ def test_drive_and_output_are_checked(tmp_path):
     assert [*Bag(bag).messages()]
 
 
+def test_live_forces_that_are_not_read_are_noted_once(tmp_path):
+    bag = write_mcap(tmp_path / 'robot.mcap', robot(9))
+    push = {'loads.push.kind': 'force', 'loads.push.link': 'coupler', 'loads.push.at': [0.1, 0.0],
+            'loads.push.force': [0.0, -3.0]}  # fmt: skip
+    for more, count in ((push, 0), ({**push, 'loads.push.wrench_topic': 'pushes'}, 1)):
+        run, said = configure({**FOLLOW.parameters(), **more}), []
+        record_measured(run, tmp_path / 'out.mcap', bag, overwrite=True, note=said.append)
+        assert len(said) == count
+        assert verified(tmp_path / 'out.mcap').states == 9
+    assert 'pushes' in said[0]
+
+
 FILE = """
 /**:
   ros__parameters:

@@ -186,6 +186,7 @@ def record_measured(
     overwrite: bool = False,
     progress: bool = False,
     stopped: Callable[[], bool] = lambda: False,
+    note: Callable[[str], object] = lambda _: None,
 ) -> Answered:
     """Writes the states that a live run would publish for measurements of a bag or a CSV file.
 
@@ -202,6 +203,7 @@ def record_measured(
         overwrite: Whether to replace an existing log.
         progress: Whether to show a progress bar on stderr.
         stopped: Function called before each batch of states; True ends the record early.
+        note: Function called with a line if loads have topics, whose messages are not read.
 
     Returns:
         The numbers of states and of rejected measurements.
@@ -218,6 +220,8 @@ def record_measured(
     source, name = _source(robot, bag, topic, column)
     if any(is_same_file(str(path), str(file)) for file in source.files):
         raise LogError(f'{path} is the bag itself: choose another name')
+    if live := [topic.name for topics in robot.live_forces().values() for topic in topics]:
+        note(f'forces on {", ".join(live)} are not read from a recording: the constant force acts')
     states, written = MeasuredStates(robot, robot.inputs()[MEASURED_JOINT_STATES]), 0
     with (
         LogWriter(path, configuration, overwrite=overwrite) as log,
@@ -432,6 +436,7 @@ def _record_measured(
         overwrite=options.overwrite or configuration.session.log_overwrite,
         progress=True,
         stopped=stop.is_set,
+        note=lambda line: cli.print_notes([line]),
     )
     causes = ''.join(f', {count} rejected: {cause}' for cause, count in rejected.items())
     print(f'{options.out}: {counted(states, "state")}{causes}')
