@@ -7,7 +7,7 @@ import html
 import json
 import math
 import string
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from typing import Any, NamedTuple
 
@@ -46,7 +46,13 @@ class _Quantity(NamedTuple):
 
 
 def movie_page(
-    name: str, about: str, period: Period, paces: Sequence[tuple[float, str]], pace: float
+    name: str,
+    about: str,
+    period: Period,
+    paces: Sequence[tuple[float, str]],
+    pace: float,
+    springs: Mapping[str, Array],
+    spring_pins: Mapping[str, complex],
 ) -> str:
     """Makes the page.
 
@@ -56,11 +62,14 @@ def movie_page(
         period: Period to show.
         paces: Playing speeds relative to real time, each with its description.
         pace: The playing speed at the start, one of `paces`.
+        springs: Lines of springs and cylinders at all samples, shapes (n, 2, 2), m, by name.
+        spring_pins: Fixed pins that only they have, m, by name.
 
     Returns:
         The HTML page, of less than 300 kB.
     """
-    linkage, quantities, time = _linkage(period), _quantities(period), period.time
+    linkage = _linkage(period, springs, spring_pins)
+    quantities, time = _quantities(period), period.time
     # Two bytes a coordinate, and a third more as text.
     each = 8 / 3 * linkage.coordinates + _POINT * len(linkage.drawing.owners)
     each += (_POINT + _NUMBER) * len(quantities)
@@ -149,18 +158,24 @@ class _Linkage(NamedTuple):
     pins: Array
     links: dict[str, Array]
     loads: dict[str, Array]
+    springs: Mapping[str, Array]
+    spring_pins: Mapping[str, complex]
 
     @property
     def coordinates(self) -> int:
         """Number of coordinates of the moving parts and of the names of the pins."""
-        lines = *self.links.values(), *self.loads.values(), self.pins, self.pins
-        return sum(line[0].size for line in lines)
+        lines = *self.links.values(), *self.loads.values(), *self.springs.values()
+        count: int = sum(line[0].size for line in (*lines, self.pins, self.pins))
+        return count + 2 * len(self.springs)  # their names
 
 
-def _linkage(period: Period) -> _Linkage:
+def _linkage(
+    period: Period, springs: Mapping[str, Array], spring_pins: Mapping[str, complex]
+) -> _Linkage:
     drawing, positions, rates = period.drawing, period.rows('position'), period.rows('velocity')
     pins = drawing.place(positions)
-    return _Linkage(drawing, pins, drawing.links(pins), drawing.loads(positions, rates))
+    links, loads = drawing.links(pins), drawing.loads(positions, rates)
+    return _Linkage(drawing, pins, links, loads, springs, spring_pins)
 
 
 class _Canvas(NamedTuple):
@@ -227,10 +242,13 @@ def _line(points: Array, color: Color, width: float) -> str:
     return f'<polyline points="{_spaced(points)}" stroke="rgb{color}" stroke-width="{width:g}"/>'
 
 
-def _moving_line(shape: Array, color: Color, width: float) -> str:
+def _moving_line(shape: Array, color: Color, width: float, dashes: str = 'none') -> str:
     """Draws a line that the page moves, of shape (samples, points, 2)."""
     points = shape.shape[1]
-    return f'<polyline data-points="{points}" stroke="rgb{color}" stroke-width="{width:g}"/>'
+    return (
+        f'<polyline data-points="{points}" stroke="rgb{color}" stroke-width="{width:g}" '
+        f'stroke-dasharray="{dashes}"/>'
+    )
 
 
 def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:
@@ -245,12 +263,14 @@ def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:
         at these samples, tenths of a pixel, shape (n, coordinates).
     """
     drawing, pins = linkage.drawing, linkage.pins[shown]
-    links, loads = (
+    links, loads, springs = (
         {link: lines[shown] for link, lines in part.items()}
-        for part in (linkage.links, linkage.loads)
+        for part in (linkage.links, linkage.loads, linkage.springs)
     )
+    spring_pins = {name: np.array([x.real, x.imag]) for name, x in linkage.spring_pins.items()}
     paths = [(pins[:, drawing.pins.index(pin)], owner) for pin, owner in drawing.owners.items()]
     lines = [*drawing.ground, *(path for path, _ in paths), *links.values(), *loads.values()]
+    lines += [*springs.values(), *spring_pins.values()]
     canvas = _Canvas.around(np.concatenate([line.reshape(-1, 2) for line in lines]))
     place, height = canvas.place, canvas.height
     ways = drawing.labels(pins) - pins
@@ -269,6 +289,7 @@ def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:
     bar = np.array([(0, 5), (0, 0), (1, 0), (1, 5)]) * [canvas.scale * drawing.scale_length, -1]
     bar += [canvas.left, height - 8]
     scale_length = f'{drawing.scale_length:g}'
+    below = np.array([0.0, _NAME])  # y is downwards in pixels, upwards in m
     parts = [
         f'<svg id="linkage" viewBox="{box}" role="img" aria-label="the linkage">',
         *(_line(place(ground), GREY, 1.2) for ground in drawing.ground),
@@ -277,6 +298,11 @@ def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:
         f'<text class="tick" x="{bar[2, 0] + 6:.1f}" y="{height - 8}">{scale_length} m</text>',
         *(_moving_line(shape, drawing.colors[link], 5.0) for link, shape in links.items()),
         *(_moving_line(shape, SECOND, 2.5) for shape in loads.values()),
+        *(_moving_line(shape, GREY, 2.5, '5 5') for shape in springs.values()),
+        *(f'<circle r="4" transform="translate({_spaced(place(pin))})" fill="rgb{GREY}"/>'
+          f'<text class="name" transform="translate({_spaced(place(pin) + below)})">'
+          f'{html.escape(name)}</text>'
+          for name, pin in spring_pins.items()),
         *(f'<circle r="4" transform="translate({_spaced(at)})" fill="rgb{GREY}"/>'
           for at, *_ in pivots),
         *(f'<text class="name" transform="translate({_spaced(at + aside)})">'
@@ -284,9 +310,12 @@ def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:
         *(f'<circle data-points="1" r="4" fill="rgb{GREY}"/>' for _ in drawing.pins),
         *(f'<text data-points="1" class="name">{html.escape(pin)}</text>'
           for pin in drawing.pins),
+        *(f'<text data-points="1" class="name">{html.escape(name)}</text>' for name in springs),
         '</svg>',
     ]  # fmt: skip
-    moved = *links.values(), *loads.values(), pins, names
+    # The name of a spring is above its middle.
+    above = [line.mean(axis=1) + below / canvas.scale for line in springs.values()]
+    moved = *links.values(), *loads.values(), *springs.values(), pins, names, *above
     places = np.concatenate([place(part).reshape(len(pins), -1) for part in moved], axis=1)
     return '\n'.join(parts), _SIZE / height, np.round(10 * places).astype('<i2')
 

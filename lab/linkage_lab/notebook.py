@@ -80,7 +80,10 @@ def show(thing: Thing, rpm: float | None, linkage: str = '') -> Shown:
     ]
     try:
         motion = motion or _periodic(name, design, rpm)
-        parts += [_table(motion.period), _frame(page_of(motion.period, name, motion.words))]
+        parts += [
+            _table(motion.period),
+            _frame(page_of(design, motion.period, name, motion.words)),
+        ]
     except LinkageError as error:  # the sketch shows the mechanism without a motion, too
         parts.append(f'<p>No motion: {html.escape(str(error))}</p>')
     return Shown(f'{name}: {motion.words if motion else repr(design.mechanism)}', parts)

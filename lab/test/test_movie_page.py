@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of linkage_chart movie: its size, and its behaviour in a browser."""
 
+import base64
 import json
 import math
 import re
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from mechanisms import FOLLOWED, load_values
 from ros_harness import wait_for
+from test_sketch import SPRING
 
 from linkage_lab import command_line
 from linkage_ros import Solver
@@ -152,3 +154,16 @@ def test_page_follows_the_color_scheme(opened, scheme):
     opened.call('Emulation.setEmulatedMedia', features=features)
     corner = opened.picture()[3, 3]
     assert (corner.mean() > 128) == (scheme == 'light')
+
+
+def test_springs_and_their_pins_are_drawn(tmp_path, called):
+    params = tmp_path / 'spring.yaml'
+    params.write_text(json.dumps({'/**': {'ros__parameters': SPRING}}))
+    text = page(tmp_path, called, params).read_text()
+    assert '>gas (strut)</text>' in text
+    assert '>G</text>' in text
+    assert text.count('stroke-dasharray="5 5"') == 1
+    # The page moves all points of all samples, with two numbers of two bytes each.
+    points = sum(map(int, re.findall(r'data-points="(\d+)"', text)))
+    data = json.loads(re.search(r'const data = (.*);', text)[1])
+    assert len(base64.b64decode(data['places'])) == 4 * points * len(data['time'])

@@ -12,11 +12,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from PIL import Image
 
-from linkage_lab.charts.linkage_picture import WIDE, LinkagePicture, proportion
+from linkage_lab.charts.linkage_picture import NAME_STYLE, WIDE, LinkagePicture, proportion
+from linkage_lab.charts.sketch import SPRING_STYLE, pins_of_cylinders, spring_lines
 from linkage_lab.movie_page import movie_page
 from linkage_lab.output import (
     STYLE,
@@ -37,6 +40,7 @@ _RATE = 20  # frames per second
 # Inches, of a film with linkage and torque side by side, and one below the other; pixels per inch.
 _SIZE, _HIGH, _DPI = (8.0, 4.2), (8.0, 5.4), 90
 _NEARLY_WHITE = 252  # of 255
+_APART = 12.0  # of the name of a spring or of its pin, points
 _PACES = 4  # slower, and faster, playing speeds on a page
 
 
@@ -65,18 +69,19 @@ def movie(options: argparse.Namespace) -> None:
     words = f'{about}, {speed}'
     with saved(path) as part:
         if path.suffix == '.html':
-            part.write_text(page_of(period, name, words), encoding='utf-8')
+            part.write_text(page_of(design, period, name, words), encoding='utf-8')
         else:
             words = f'{words}, {_slower(_pace(period))}'
             save = _save_gif if path.suffix == '.gif' else _save_mp4
-            save(_film(period, name, words), part)
+            save(_film(design, period, name, words), part)
     print(f'{name}, {words}', path, sep='\n')
 
 
-def page_of(period: Period, name: str, words: str) -> str:
+def page_of(design: Any, period: Period, name: str, words: str) -> str:
     """Makes the page of a period, with playing speeds around one turn in three seconds.
 
     Args:
+        design: The configuration.
         period: The period; its speed is not 0.
         name: Name of the mechanism.
         words: Description of the mechanism and its motion.
@@ -85,7 +90,12 @@ def page_of(period: Period, name: str, words: str) -> str:
     pace = _pace(period)
     nearest = min(range(len(series)), key=lambda i: abs(math.log(series[i] / pace)))
     paces = sorted({1.0, *series[nearest - _PACES : nearest + _PACES + 1]})
-    return movie_page(name, words, period, [(x, _slower(x)) for x in paces], series[nearest])
+    structure = period.solver.structure
+    return movie_page(
+        name, words, period, [(x, _slower(x)) for x in paces], series[nearest],
+        spring_lines(design, structure, period.rows('position')),
+        pins_of_cylinders(design, structure),
+    )  # fmt: skip
 
 
 def _pace(period: Period) -> float:
@@ -101,7 +111,7 @@ def _slower(pace: float) -> str:
     return f'{float(factor):g} times {"faster" if pace > 1 else "slower"}'
 
 
-def _film(period: Period, name: str, words: str) -> Iterator[Image.Image]:
+def _film(design: Any, period: Period, name: str, words: str) -> Iterator[Image.Image]:
     """Yields pictures of the moving mechanism, and its torque up to the current crank angle."""
     samples, positions = _frames(period), period.rows('position')
     marks, torque = period.marks, period.columns[period.effort].values
@@ -114,6 +124,7 @@ def _film(period: Period, name: str, words: str) -> Iterator[Image.Image]:
         figure.text(0.02, 1 - 0.25 / size[1], name, weight='bold', fontsize=TEXT)
         figure.text(0.02, 1 - 0.48 / size[1], words)
         linkage, axes = map(figure.add_axes, places)
+        springs = _Springs(linkage, design, period)
         picture = LinkagePicture(linkage, period.drawing, positions, positions[samples])
         axes.plot(marks, torque, color='0.8', linewidth=1.2)
         axes.set_ylim(shown_range([torque], axes.get_ylim()))
@@ -123,19 +134,50 @@ def _film(period: Period, name: str, words: str) -> Iterator[Image.Image]:
         over(axes, period, period.effort_title, 4)
         axes.set_xlabel(f'{period.across.name}, {period.across.unit}')
         # Only what moves is drawn again for each picture.
-        moving = [*picture.moving, drawn, dot]
+        moving = [*springs.moving, *picture.moving, drawn, dot]
         for artist in moving:
             artist.set_animated(True)
         canvas.draw()
         still = canvas.copy_from_bbox(figure.bbox)
         for sample in progress(samples, 'frames'):
             canvas.restore_region(still)
+            springs.move(sample)
             picture.move(positions[sample])
             drawn.set_data(marks[: sample + 1], torque[: sample + 1])
             dot.set_data(marks[sample : sample + 1], torque[sample : sample + 1])
             for artist in moving:
                 figure.draw_artist(artist)
             yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+
+
+class _Springs:
+    """Springs and cylinders in a film, with their names and the fixed pins that only they have.
+
+    Attributes:
+        moving: What `move` changes, from below to above.
+    """
+
+    def __init__(self, axes: Axes, design: Any, period: Period) -> None:
+        """Draws them at the first sample."""
+        structure = period.solver.structure
+        self._lines = [*spring_lines(design, structure, period.rows('position')).items()]
+        style = {**NAME_STYLE, 'ha': 'center', 'color': fractions(DARK),
+                 'path_effects': [withStroke(linewidth=2.5, foreground='white')]}  # fmt: skip
+        for name, pin in pins_of_cylinders(design, structure).items():
+            axes.plot(pin.real, pin.imag, 'o', color=fractions(DARK), markersize=3.5)
+            axes.annotate(name, (pin.real, pin.imag), xytext=(0, -_APART), **style)
+        self._drawn = [axes.plot(*line[0].T, **SPRING_STYLE)[0] for _, line in self._lines]
+        self._names = [
+            axes.annotate(name, tuple(line[0].mean(axis=0)), xytext=(0, _APART), **style)
+            for name, line in self._lines
+        ]
+        self.moving = [*self._drawn, *self._names]
+
+    def move(self, sample: int) -> None:
+        """Shows a sample of the period."""
+        for (_, line), drawn, name in zip(self._lines, self._drawn, self._names, strict=True):
+            drawn.set_data(*line[sample].T)
+            name.xy = tuple(line[sample].mean(axis=0))
 
 
 def _save_gif(pictures: Iterator[Image.Image], path: Path) -> None:

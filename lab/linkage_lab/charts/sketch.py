@@ -44,6 +44,9 @@ _CHARACTERS = 118  # in a line of text
 _ARROW = 9.0  # length of the arrow of a link's direction, points
 _MARKS = 4.0  # length of the arrow of a slide's direction, in marks of the drawing
 _DISTANCES = 10.0, 15.0, 22.0, 30.0, 40.0, 55.0, 70.0  # of names, points
+SPRING_STYLE: dict[str, Any] = {
+    'color': fractions(DARK), 'linewidth': 1.6, 'linestyle': (0, (1.5, 1.5)),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -209,7 +212,7 @@ def describe(sketched: Sketched) -> Iterator[str]:
     )
     drawing = sketched.drawing
     fixed = dict(zip(drawing.pivot_names, drawing.pivots @ (1, 1j), strict=True))
-    fixed |= _pins_of_cylinders(sketched)
+    fixed |= pins_of_cylinders(sketched.design, structure)
     places = (f'{name} {sketched.at(complex(place))}' for name, place in fixed.items())
     yield f'frame: {", ".join(places)}'
     for j in range(len(structure.links)):
@@ -320,40 +323,61 @@ def _zero(sketched: Sketched, j: int) -> complex:
 
 def _springs(sketched: Sketched) -> Iterator[tuple[str, complex, complex]]:
     """Yields the lines of springs, and of cylinders without one: name and both ends, m."""
-    structure, given = sketched.solver.structure, sketched.design.drawn_mechanism
+    lines = spring_lines(sketched.design, sketched.solver.structure, sketched.positions)
+    for name, (line,) in lines.items():
+        start, end = line @ (1, 1j)
+        yield name, complex(start), complex(end)
+
+
+def spring_lines(design: Any, structure: Any, positions: Array) -> dict[str, Array]:
+    """Returns the lines of springs, and of cylinders without one.
+
+    Args:
+        design: The configuration.
+        structure: The structure of its mechanism.
+        positions: Positions of the links, rad and m, shape (n, links).
+
+    Returns:
+        Lines of shape (n, 2, 2), m, by name.
+    """
+    given, turned = design.drawn_mechanism, np.exp(1j * positions)
     in_cylinders = {x.name: x.cylinder for x in getattr(given, 'loads', ()) if _cylinder(x)}
-    for one in sketched.design.mechanism.loads:
+    found = dict[str, tuple[Any, Any]]()
+    for one in design.mechanism.loads:
         if isinstance(one, Spring):
-            start, end = (sketched.point(point) for _, point in one.ends(structure))
             cylinder = in_cylinders.get(one.name)
-            yield f'{cylinder} ({one.name})' if cylinder else one.name, start, end
+            (_, start), (_, end) = one.ends(structure)
+            found[f'{cylinder} ({one.name})' if cylinder else one.name] = start, end
+    fixed = pins_of_cylinders(design, structure)
     if drawing := getattr(given, 'drawing', None):
-        fixed = _pins_of_cylinders(sketched)
         for cylinder in drawing.cylinders:
             if cylinder.name != drawing.input and cylinder.name not in in_cylinders.values():
-                ends = (
-                    sketched.point(structure.points[pin])
-                    if pin in structure.points
-                    else fixed[pin]
+                start, end = (
+                    structure.points.get(pin, fixed.get(pin))
                     for pin in (cylinder.from_, cylinder.to)
                 )
-                yield cylinder.name, *ends
+                found[cylinder.name] = start, end
+
+    def places(point: Any) -> Array:
+        if isinstance(point, complex):
+            return np.full(len(positions), point)
+        return np.asarray(point.fixed + turned @ np.array(point.weights))
+
+    lines = {name: np.stack([*map(places, ends)], axis=1) for name, ends in found.items()}
+    return {name: np.stack([line.real, line.imag], axis=-1) for name, line in lines.items()}
 
 
-def _pins_of_cylinders(sketched: Sketched) -> dict[str, complex]:
+def pins_of_cylinders(design: Any, structure: Any) -> dict[str, complex]:
     """Returns the places of the fixed pins that only cylinders have, m."""
-    drawing, points = (
-        getattr(sketched.design.drawn_mechanism, 'drawing', None),
-        sketched.solver.structure.points,
-    )
+    drawing = getattr(design.drawn_mechanism, 'drawing', None)
     if drawing is None:
         return {}
-    origin = complex(*drawing.pins[next(iter(points))])
+    origin = complex(*drawing.pins[next(iter(structure.points))])
     unit = float(UNITS[drawing.units])
     return {
         pin: (complex(*drawing.pins[pin]) - origin) * unit
         for pin in drawing.frame
-        if pin not in points
+        if pin not in structure.points
     }
 
 
@@ -412,9 +436,9 @@ def draw_sketch(axes: Axes, sketched: Sketched, *, with_dimensions: bool) -> Non
     lines = [np.array([[start.real, start.imag], [end.real, end.imag]])
              for _, start, end in _springs(sketched)]  # fmt: skip
     for (name, start, end), line in zip(_springs(sketched), lines, strict=True):
-        axes.plot(*line.T, color=fractions(DARK), linewidth=1.6, linestyle=(0, (1.5, 1.5)))
+        axes.plot(*line.T, **SPRING_STYLE)
         labels.append(_Label(name, 0.5 * (start + end), 1j * (end - start), DARK))
-    for name, place in _pins_of_cylinders(sketched).items():
+    for name, place in pins_of_cylinders(sketched.design, sketched.solver.structure).items():
         axes.plot(place.real, place.imag, 'o', color=fractions(DARK), markersize=3.5)
         labels.append(_Label(name, place, -1j, BLACK))
     values = drawing.load_values(sketched.positions, sketched.rates)
