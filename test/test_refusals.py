@@ -149,7 +149,7 @@ LINES = [
      'crank: {length: ...}; linkage_record --help-parameters lists all')),
     (partial(configured, FOUR, 'motor.torque', 1.0),
      ("'motor.torque' is not a parameter of a four_bar: only a crank with drive: torque has "
-      'motor; leave it out')),
+      'motor; write drive: torque, or leave it out')),
     (partial(configured, SLIDER, 'rocker.length', 1),
      ("'rocker.length' is not a parameter of a slider_crank: only a four_bar has rocker; leave it "
      'out')),
