@@ -5,6 +5,7 @@
 import heapq
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,11 +23,12 @@ from linkage_ros.log.records import (
     MOTION_RECORD,
     ROLE,
     TORQUE_END_RECORD,
+    LinkageEnd,
+    TorqueEnd,
     decode_configuration,
+    decode_end,
     decode_gap,
-    decode_linkage_end,
     decode_motion,
-    decode_torque_end,
     unseal,
 )
 from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout, RowLayouts, message_record
@@ -194,9 +196,9 @@ class LogReader:
                 raise LogError('it is damaged: a motion record names no linkage of the run')
             found[linkage].append(segment)
         self.motions = {linkage: tuple(segments) for linkage, segments in found.items()}
-        linkage_ends = map(decode_linkage_end, reversed(named(LINKAGE_END_RECORD)))
+        linkage_ends = map(partial(decode_end, LinkageEnd), reversed(named(LINKAGE_END_RECORD)))
         self.linkage_ends = {end.linkage: end for end in linkage_ends}
-        self.torque_ends = tuple(map(decode_torque_end, named(TORQUE_END_RECORD)))
+        self.torque_ends = tuple(map(partial(decode_end, TorqueEnd), named(TORQUE_END_RECORD)))
         ends = named(END_RECORD)
         self.lost = int(unseal(ends[0])['messages']) - messages if ends else None
         self.dropped = sum(decode_gap(fields).dropped for fields in named(GAP_RECORD))

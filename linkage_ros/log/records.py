@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from fractions import Fraction
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 from linkage_ros import __version__
 from linkage_ros.errors import LogError
@@ -98,22 +98,6 @@ class TorqueEnd(NamedTuple):
     linkage: str = ''
 
 
-def encode_torque_end(end: TorqueEnd) -> dict[str, str]:
-    """Encodes the end of a torque as a record."""
-    return seal({name: str(value) for name, value in end._asdict().items()})
-
-
-def decode_torque_end(record: Mapping[str, str]) -> TorqueEnd:
-    """Decodes a record created by `encode_torque_end`.
-
-    Raises:
-        LogError: The record is damaged.
-        ValueError: The stamp is malformed. Missing fields may raise other exceptions.
-    """
-    texts = unseal(record)
-    return TorqueEnd(int(texts['stamp']), texts['cause'], texts['linkage'])
-
-
 class LinkageEnd(NamedTuple):
     """The end of the motion of one of several linkages; the others continue.
 
@@ -128,20 +112,27 @@ class LinkageEnd(NamedTuple):
     linkage: str
 
 
-def encode_linkage_end(end: LinkageEnd) -> dict[str, str]:
-    """Encodes the end of the motion of a linkage as a record."""
+_End = TypeVar('_End', TorqueEnd, LinkageEnd)
+
+
+def encode_end(end: TorqueEnd | LinkageEnd) -> dict[str, str]:
+    """Encodes the end of a torque, or of the motion of a linkage, as a record."""
     return seal({name: str(value) for name, value in end._asdict().items()})
 
 
-def decode_linkage_end(record: Mapping[str, str]) -> LinkageEnd:
-    """Decodes a record created by `encode_linkage_end`.
+def decode_end(kind: type[_End], record: Mapping[str, str]) -> _End:
+    """Decodes a record created by `encode_end`.
+
+    Args:
+        kind: `TorqueEnd` or `LinkageEnd`.
+        record: The record.
 
     Raises:
         LogError: The record is damaged.
         ValueError: The stamp is malformed. Missing fields may raise other exceptions.
     """
     texts = unseal(record)
-    return LinkageEnd(int(texts['stamp']), texts['cause'], texts['linkage'])
+    return kind(int(texts['stamp']), texts['cause'], texts['linkage'])
 
 
 class LoggedSegment(NamedTuple):

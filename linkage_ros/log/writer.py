@@ -26,10 +26,9 @@ from linkage_ros.log.records import (
     LinkageEnd,
     TorqueEnd,
     encode_configuration,
+    encode_end,
     encode_gap,
-    encode_linkage_end,
     encode_motion,
-    encode_torque_end,
     seal,
 )
 from linkage_ros.log.rows import LoggedState, RowLayout, RowLayouts, message_record
@@ -220,7 +219,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
 
     def write_linkage_end(self, end: LinkageEnd) -> None:
         """Records the end of the motion of one of several linkages."""
-        self._add(LINKAGE_END_RECORD, encode_linkage_end(end))
+        self._add(LINKAGE_END_RECORD, encode_end(end))
 
     def write_gap(self, gap: Gap) -> None:
         """Records that messages are missing here; call this after `flush`."""
@@ -228,7 +227,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
 
     def write_torque_end(self, end: TorqueEnd) -> None:
         """Records the end of a torque; its zeros follow."""
-        self._add(TORQUE_END_RECORD, encode_torque_end(end))
+        self._add(TORQUE_END_RECORD, encode_end(end))
 
     def consume(self, items: Sequence[Any]) -> None:
         """Appends items and flushes them; see `Worker`.

@@ -184,7 +184,7 @@ def robot(arguments: Mapping[str, str]) -> tuple[Values, list[Any]]:
     Raises:
         ConfigurationError: The URDF, the file or a value cannot be used.
     """
-    values, publisher = _linkage(_followed(arguments), arguments)
+    values, publisher = _in_tf(_followed(arguments), arguments)
     linkages = configure(values).linkages
     joints = [joint.name for x in linkages for joint in x.robot_joints if joint.name]
     cranks = [x.robot_joints[x.mechanism.structure().driven].name for x in linkages]
@@ -286,7 +286,7 @@ def side_by_side(names: Sequence[str], arguments: Mapping[str, str]) -> tuple[Va
     return _described({**values, **over}, arguments)
 
 
-def _linkage(values: Values, arguments: Mapping[str, str]) -> tuple[Values, Values]:
+def _in_tf(values: Values, arguments: Mapping[str, str]) -> tuple[Values, Values]:
     """Returns parameters with tf's names of frames, and some of robot_state_publisher."""
     linkages, prefix = configure(values).linkages, arguments['frame_prefix']
     publisher = {
@@ -299,12 +299,12 @@ def _linkage(values: Values, arguments: Mapping[str, str]) -> tuple[Values, Valu
 
 
 def _described(values: Values, arguments: Mapping[str, str]) -> tuple[Values, Values]:
-    """Returns the same as `_linkage`, with the linkages' own robot_description.
+    """Returns the same as `_in_tf`, with the linkages' own robot_description.
 
     Raises:
         ConfigurationError: Their fixed pivots are on different links.
     """
-    found, publisher = _linkage(values, arguments)
+    found, publisher = _in_tf(values, arguments)
     description = merged_urdf(
         [
             make_urdf(x.mechanism, x.session.joint_prefix, x.session.frame_id)

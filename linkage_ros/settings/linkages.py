@@ -8,6 +8,7 @@ parameters are values by dotted name.
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from typing import TypeAlias, cast
 
 from linkage_ros.errors import ConfigurationError
@@ -15,6 +16,7 @@ from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages import topics
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.quantities import leaves, shown
+from linkage_ros.settings.joints import GROUP as JOINTS
 from linkage_ros.settings.parameters import OF_THE_RUN, MechanismAndDrive, Session
 
 LINKAGES = 'linkages'
@@ -35,7 +37,7 @@ def linkage_names(values: Values) -> tuple[str, ...]:
     if LINKAGES not in values:
         return ('',)
     names = cast('tuple[str, ...]', _NAMES.clean(LINKAGES, values[LINKAGES]))
-    taken = {**_parameters(), **_topics(values)}
+    taken = {**dict.fromkeys(first_parts(), 'a parameter'), **_topics(values)}
     for number, name in enumerate(names):
         label = f'{LINKAGES}: {shown(name)}'
         if name in names[:number]:
@@ -52,12 +54,13 @@ def linkage_names(values: Values) -> tuple[str, ...]:
     return names
 
 
-def _parameters() -> dict[str, str]:
-    """Returns the names of all parameters and groups, as `taken` of `linkage_names`."""
+@cache
+def first_parts() -> frozenset[str]:
+    """Returns the first part of each parameter's name, such as crank of crank.length."""
     kinds = (MechanismAndDrive, Session, *MECHANISMS.values(), *DRIVES.values())
     parts = {leaf.name.partition('.')[0] for kind in kinds for leaf in leaves(kind)}
-    groups = ('loads', 'points', 'dyads', 'joints', 'drawing')
-    return dict.fromkeys((*parts, *groups, 'use_sim_time', 'qos_overrides'), 'a parameter')
+    # Groups that exist for given members only, and what every rclpy node declares.
+    return frozenset(parts | {'loads', JOINTS, LINKAGES, 'qos_overrides', 'use_sim_time'})
 
 
 def _topics(values: Values) -> dict[str, str]:

@@ -4,17 +4,13 @@
 
 import difflib
 import warnings
-from functools import cache
+from collections.abc import Collection
 from pathlib import Path
 
 from linkage_ros.errors import ConfigurationError, ParameterWarning
-from linkage_ros.mechanism.registry import MECHANISMS
-from linkage_ros.motion.drives import DRIVES
-from linkage_ros.quantities import leaves
-from linkage_ros.settings.controller import ControllerSettings
-from linkage_ros.settings.joints import GROUP as JOINTS
+from linkage_ros.settings.controller import PARAMETERS
+from linkage_ros.settings.linkages import LINKAGES, first_parts
 from linkage_ros.settings.old_names import has_old_names
-from linkage_ros.settings.parameters import MechanismAndDrive, Session
 from linkage_ros.settings.yaml_file import (
     Parameters,
     listed,
@@ -22,19 +18,8 @@ from linkage_ros.settings.yaml_file import (
     shared_names,
 )
 
-# Groups that exist for given members only, and what every rclpy node declares.
-_OTHERS = frozenset({JOINTS, 'loads', 'linkages', 'qos_overrides', 'use_sim_time'})
 # A misspelt name differs little in length; base_frame does not mean frame.
 _LONGER = 2
-
-
-@cache
-def _first_parts() -> frozenset[str]:
-    """Returns the first part of each parameter's name, such as crank of crank.length."""
-    classes = MechanismAndDrive, Session, ControllerSettings
-    names = (leaf.name for cls in (*classes, *MECHANISMS.values(), *DRIVES.values())
-             for leaf in leaves(cls))  # fmt: skip
-    return frozenset(name.partition('.')[0] for name in names) | _OTHERS
 
 
 def read_own_parameters(
@@ -78,9 +63,10 @@ def names_of_others(path: Path | str, node_name: str) -> list[str]:
         path: Path of a parameter file that `read_parameter_file` can read.
         node_name: Name of the node with its namespace.
     """
-    values, own = read_parameter_file(path, node_name), {*_first_parts()}
-    linkages = values.get('linkages')
-    own.update(map(str, linkages) if isinstance(linkages, list) else ())
+    values = read_parameter_file(path, node_name)
+    own = first_parts() | {leaf.name for leaf in PARAMETERS}
+    linkages = values.get(LINKAGES)
+    own |= frozenset(map(str, linkages) if isinstance(linkages, list) else ())
     return [
         name
         for name in sorted(shared_names(path, node_name))
@@ -88,7 +74,7 @@ def names_of_others(path: Path | str, node_name: str) -> list[str]:
     ]
 
 
-def _is_like(word: str, own: set[str]) -> bool:
+def _is_like(word: str, own: Collection[str]) -> bool:
     """Returns whether a word is one of this package's, or such a word misspelt."""
     alike = [known for known in own if abs(len(known) - len(word)) <= _LONGER]
     return word in own or bool(difflib.get_close_matches(word, alike))
