@@ -30,12 +30,10 @@ from linkage_ros.mechanism.parts import (
     mass_quantity,
 )
 from linkage_ros.mechanism.points import TracedPoint, points_field
-from linkage_ros.quantities import Checked, groups, named, quantity, required, shown
+from linkage_ros.quantities import BOOLEANS, Checked, groups, named, quantity, required, shown
 
 _NAME = '[A-Za-z](_?[A-Za-z0-9])*_?'  # without two underscores in succession
 _RESERVED = {FRAME_NAME, 'world', 'base_link'}
-# rcl reads these as booleans.
-_BOOLEANS = {'y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false'}
 _PLACES = (-1e12, 1e12)
 # A pin that is so far from the others, or so near to the origin, is probably in another unit;
 # relative to the size of the others.
@@ -369,7 +367,7 @@ def _bad_names(drawing: Drawing) -> Iterator[str]:
     names = [(f'drawing.pins.{name}', name) for name in drawing.pins]
     parts = [(label, part.name) for label, part, _ in _parts(drawing)]
     for label, name in (*names, *parts):
-        if name.lower() in _BOOLEANS:
+        if name.lower() in BOOLEANS:
             yield f'{label}: ROS reads {name} as a boolean; choose another name'
         elif name in _RESERVED or not re.fullmatch(_NAME, name):
             yield (

@@ -63,9 +63,9 @@ def given_values(node: Node) -> dict[str, object]:
     _require_no_hidden(found)
     pairs, node_name = itertools.pairwise(sys.argv), node.get_fully_qualified_name()
     for path in [path for option, path in pairs if option == '--params-file']:
-        for name in {*names_of_others(path, node_name)} - {*_rules()}:
-            found.pop(name, None)
         read = read_parameter_file(path, node_name)
+        for name in {*names_of_others(read, path, node_name)} - {*_rules()}:
+            found.pop(name, None)
         for name, value in with_files(read, path).items():
             if found.get(name) == read[name]:
                 found[name] = value

@@ -71,7 +71,7 @@ class Linkage:
     drive: Drive
     session: Session
     joints: Mapping[str, JointSettings] = field(default_factory=dict)
-    drawn_mechanism: Any = None
+    drawn_mechanism: DrawnMechanism | None = None
     name: str = ''
 
     def __repr__(self) -> str:

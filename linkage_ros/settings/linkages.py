@@ -15,7 +15,7 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages import topics
 from linkage_ros.motion.drives import DRIVES
-from linkage_ros.quantities import leaves, shown
+from linkage_ros.quantities import BOOLEANS, leaves, shown
 from linkage_ros.settings.joints import GROUP as JOINTS
 from linkage_ros.settings.parameters import OF_THE_RUN, MechanismAndDrive, Session
 
@@ -23,8 +23,6 @@ LINKAGES = 'linkages'
 
 Values: TypeAlias = Mapping[str, object]
 
-# Texts that rcl reads as booleans.
-_BOOLEANS = {'y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false'}
 _NAMES = next(leaf.quantity for leaf in leaves(Session) if leaf.name == LINKAGES)
 
 
@@ -42,7 +40,7 @@ def linkage_names(values: Values) -> tuple[str, ...]:
         label = f'{LINKAGES}: {shown(name)}'
         if name in names[:number]:
             raise ConfigurationError(f'{label} is named twice: give each linkage its own name')
-        if name.lower() in _BOOLEANS:
+        if name.lower() in BOOLEANS:
             raise ConfigurationError(f'{label}: ROS reads it as a boolean; choose another name')
         if '__' in name or not re.fullmatch(_NAMES.pattern, name):
             raise ConfigurationError(

@@ -12,7 +12,7 @@ import numpy as np
 
 from linkage_ros.errors import UnreachableError
 from linkage_ros.mechanism.axes import carriers_of
-from linkage_ros.mechanism.drawing import contradictions
+from linkage_ros.mechanism.drawing import Drawing, contradictions
 from linkage_ros.mechanism.exact import UNITS
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
@@ -188,7 +188,7 @@ def _places(linkage: Linkage) -> Iterator[str]:
     """Notes points in mm: centres of mass, and points of loads and dyads."""
     values, longest = linkage.parameters(), _longest(linkage)
     if linkage.drawn_mechanism is not None:
-        yield from _drawn_places(linkage, longest)
+        yield from _drawn_places(linkage, linkage.drawn_mechanism.drawing, longest)
         return
     for name, quantity, _ in leaves(MECHANISMS[linkage.kind.mechanism], values=values):
         place = values.get(name)
@@ -202,9 +202,9 @@ def _places(linkage: Linkage) -> Iterator[str]:
             )
 
 
-def _drawn_places(linkage: Linkage, longest: float) -> Iterator[str]:
+def _drawn_places(linkage: Linkage, drawing: Drawing, longest: float) -> Iterator[str]:
     """Notes centres of mass and loads that are far from their links in a drawing."""
-    mechanism, unit = linkage.mechanism, linkage.drawn_mechanism.drawing.units
+    mechanism, unit = linkage.mechanism, drawing.units
     places = [(f'the center of {x}', part.center) for x, part in mechanism.parts().items()
               if getattr(part, 'center', None)]  # fmt: skip
     places += [(f'loads.{load.name}.at', at) for load in mechanism.loads

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeAlias
 
 from linkage_ros.errors import ConfigurationError, shortened
-from linkage_ros.quantities import NAME
+from linkage_ros.quantities import BOOLEANS, NAME
 
 Members: TypeAlias = dict[str, dict[str, Any]]  # parameters of loads or points by name
 
@@ -50,7 +50,7 @@ _ACTING = 'force', 'damping', 'stiffness'  # without these, a load of kind link 
 _FIRST = 'A_'  # begins names that must sort before usual names
 _LONGEST = 200  # characters of the list of old names
 # Words that YAML or rcl read as something other than text.
-_NO_TEXT = {'y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false', 'null'}
+_NO_TEXT = BOOLEANS | {'null'}
 
 
 def has_old_names(values: Mapping[str, object]) -> bool:

@@ -42,7 +42,7 @@ def read_own_parameters(
         ConfigurationError: As for `read_parameter_file`; or there are no other parameters.
     """
     values = read_parameter_file(path, node_name, for_ros=for_ros)
-    others = names_of_others(path, node_name)
+    others = names_of_others(values, path, node_name)
     if not others:
         return values
     node = f'/{node_name.strip("/")}'
@@ -54,16 +54,16 @@ def read_own_parameters(
     return {name: value for name, value in values.items() if name not in others}
 
 
-def names_of_others(path: Path | str, node_name: str) -> list[str]:
+def names_of_others(values: Parameters, path: Path | str, node_name: str) -> list[str]:
     """Returns the parameters of other programs that a file has below /**, for all nodes.
 
     They are those whose first part is no name of this package, and resembles none.
 
     Args:
-        path: Path of a parameter file that `read_parameter_file` can read.
+        values: The parameters of the node in the file, by name.
+        path: Path of the file.
         node_name: Name of the node with its namespace.
     """
-    values = read_parameter_file(path, node_name)
     own = first_parts() | {leaf.name for leaf in PARAMETERS}
     linkages = values.get(LINKAGES)
     own |= frozenset(map(str, linkages) if isinstance(linkages, list) else ())

@@ -16,14 +16,14 @@ from linkage_ros import ConfigurationError, Mechanism
 from linkage_ros.extensions import MECHANISMS, Constants
 from linkage_ros.formulas import Array
 from linkage_ros.internals import axes_of, spin_of, wrap
-from linkage_ros.quantities import build
+from linkage_ros.quantities import BOOLEANS, build
 
 _DIGITS = 14  # kept of the longest length, so that links of equal length stay equal
 _NOISE = 1e-15  # relative to the longest link: differences below are rounding errors
 _SAME = 1e-9  # relative to the longest link: pins at this distance are one
 _OFF_PIN = 1e-6  # m, distance of a slider's centre of mass from its pin that is noted
 _NAME = '[A-Za-z](_?[A-Za-z0-9])*_?'
-_TAKEN = {'frame', 'world', 'base_link', 'y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false'}
+_TAKEN = {'frame', 'world', 'base_link', *BOOLEANS}
 
 
 class Pin(NamedTuple):
