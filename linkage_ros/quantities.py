@@ -26,9 +26,8 @@ from linkage_ros.errors import ConfigurationError, Mistakes, shortened
 _T = TypeVar('_T')
 _LONGEST = 80  # largest length of a value in an error message, characters
 NAME = '[A-Za-z_][A-Za-z0-9_]*'  # regular expression of the names in `groups`
-BOOLEANS = frozenset(
-    {'y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false'}
-)  # texts that ROS reads as booleans
+# Texts that ROS reads as booleans, whatever the case of their letters.
+BOOLEANS = frozenset({'y', 'n', 'yes', 'no', 'on', 'off', 'true', 'false'})
 _ANY = '(?s).*'  # pattern that matches any string
 _RAD, _RAD_OR_M = 'rad', 'rad or m'  # units of quantities that may be given in degrees
 _DECIMAL = r'[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,3})?'
