@@ -38,8 +38,8 @@ Box: TypeAlias = tuple[float, float, float, float]
 _COMPRESSED = 3  # level of PNG files: a tenth larger than the default, in two thirds of the time
 _UNDISTURBED = 0.95  # share of a processor above which times are trusted
 _AROUND = 16  # steps beside an infinite value, beyond whose values a diagram need not reach
-# Told apart in grey: solid, long dashes, dots, dash and dot, dash and two dots, short dashes, long
-# and short dashes.
+# Distinct without colours: solid, long dashes, dots, dash and dot, dash and two dots, short
+# dashes, long and short dashes.
 _DASHES: tuple[Any, ...] = (
     '-', (0, (6, 2)), (0, (1, 1.2)), (0, (6, 1.5, 1, 1.5)), (0, (6, 1.5, 1, 1.5, 1, 1.5)),
     (0, (2.5, 1.8)), (0, (9, 1.5, 3, 1.5)),
@@ -149,7 +149,7 @@ def rounded(value: float) -> str:
 
 
 def dash(number: int) -> Any:
-    """Returns the style of a line, by which it is told apart in grey."""
+    """Returns a line style that distinguishes lines without colours."""
     return _DASHES[number % len(_DASHES)]
 
 
@@ -211,7 +211,7 @@ def chart(
 
     with rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, height), dpi=DPI, layout=layout)
-        FigureCanvasAgg(figure)  # keeps what measures texts, which would be made for each of them
+        FigureCanvasAgg(figure)  # keeps one text renderer, not one for each text
         figure.suptitle(title)
         yield figure
         for path in pictures.paths:
@@ -241,7 +241,7 @@ def over(axes: Any, period: Any, title: str, parts: int = 8) -> None:
     """Formats a diagram over a period: its title, round ticks, and a line at 0.
 
     Args:
-        axes: Axes with their vertical limits.
+        axes: Axes whose vertical limits are set.
         period: The period; see `Period`.
         title: Title of the diagram, which ends with the unit.
         parts: Most intervals between the ticks of the horizontal axis.
@@ -259,9 +259,9 @@ def round_ticks(axis: Any, unit: str, parts: int) -> None:
     """Puts ticks at round values: multiples of 1, 2 or 5 times a power of ten, or round angles.
 
     Args:
-        axis: An axis with its limits.
-        unit: Its unit; angles are in 'deg'.
-        parts: Most intervals.
+        axis: Axis whose limits are set.
+        unit: Unit of the axis; 'deg' gives round angles.
+        parts: Most intervals between ticks.
     """
     from matplotlib.ticker import MaxNLocator, MultipleLocator
 
@@ -278,11 +278,27 @@ def box(height: float, left: float, top: float, wide: float, high: float) -> Box
     return left / WIDTH, 1 - (top + high) / height, wide / WIDTH, high / height
 
 
+def write_title(
+    figure: Any, text: str, left: float = 0.2, top: float = 0.12, color: Any = 'black'
+) -> None:
+    """Writes a bold line of text, by default in the upper left corner.
+
+    Args:
+        figure: A figure of `chart`.
+        text: The text.
+        left: Left end, inches from the left edge.
+        top: Upper end, inches from the upper edge.
+        color: Colour of the text.
+    """
+    x, y = left / WIDTH, 1 - top / figure.get_figheight()
+    figure.text(x, y, text, va='top', weight='bold', fontsize=TEXT, color=color)
+
+
 def name_ends(axes: Any, lines: Mapping[str, Any], size: tuple[float, float]) -> None:
     """Writes the names of lines beside their right ends, without overlaps.
 
     Args:
-        axes: Axes with their limits.
+        axes: Axes whose limits are set.
         lines: The lines by name.
         size: Width and height of the axes, inches.
     """

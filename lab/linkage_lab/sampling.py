@@ -116,8 +116,9 @@ def with_breaks(crank: Array, solver: Solver, states: Callable[[Array], State]) 
 def _with_bends(crank: Array, solver: Solver, states: Callable[[Array], State]) -> Array:
     """Adds crank angles where the force in a joint with friction almost vanishes.
 
-    There its magnitude, and thus the friction, bends within an angle as small as the least force;
-    likewise at a change point where friction limits the forces. None are added if friction locks.
+    The magnitude of the force, and with it the friction, then bends within a small angle. The same
+    holds at a change point where friction limits the forces. If friction locks the mechanism, no
+    angles are added.
     """
     model, driven = solver.model, solver.structure.driven
     still = [0.0] * len(model.links)
@@ -158,8 +159,8 @@ def _with_bends(crank: Array, solver: Solver, states: Callable[[Array], State]) 
 def _pieces(solver: Solver, states: Callable[[Array], State]) -> Callable[[Array], Array] | None:
     """Returns a function that finds, at crank angles or times, in which smooth piece each load is.
 
-    At n places, it returns piece numbers of shape (m, n): one row for each load with corners or
-    jumps, and one for the sides of the change points. None if there are no such rows.
+    At n places, the function returns piece numbers of shape (m, n): one row for each load with
+    corners or jumps, and one for the side of a change point. Returns None if no row is needed.
     """
     model, mechanism = solver.model, solver.mechanism
     cornered = [load for load in mechanism.loads if load.has_corners]
@@ -364,7 +365,9 @@ def integral(crank: Array, values: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(areas)])
 
 
-@functools.lru_cache(4)  # the values of many quantities are at the same places
+# Arrays are not hashable, hence the bytes. Sizing a flywheel differentiates and integrates many
+# quantities at the same places; without the cache it takes three times as long.
+@functools.lru_cache(4)
 def _smooth_parts(places: bytes, count: int = _NEAR) -> list[tuple[slice, _Steps]]:
     """Finds the parts between corners and jumps, which have a crank angle on either side."""
     crank = np.frombuffer(places)

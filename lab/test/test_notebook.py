@@ -10,7 +10,7 @@ import re
 import numpy as np
 import pytest
 from mechanisms import ALL
-from pages import ROOT
+from pages import ROOT, run_python
 from ros_harness import finished
 
 from linkage_lab import show
@@ -109,7 +109,9 @@ def test_cells_of_the_notebook_run_in_order(tmp_path, monkeypatch):
             done = finished(*source.removeprefix('!linkage_').split(), cwd=tmp_path)
             assert done.returncode == 0, done.stderr
             continue
-        *lines, last = ast.parse(source).body
-        exec(compile(ast.Module(lines, []), 'notebook', 'exec'), names)
-        shown.append(eval(compile(ast.Expression(last.value), 'notebook', 'eval'), names))
+        lines = source.splitlines()
+        last = ast.parse(source).body[-1].lineno - 1
+        lines[last] = f'_ = {lines[last]}'  # a notebook shows the value of the last statement
+        run_python('\n'.join(lines), 'notebook', names)
+        shown.append(names['_'])
     assert [repr(x).split()[0] for x in shown if hasattr(x, '_repr_html_')].count('<Shown:') == 3

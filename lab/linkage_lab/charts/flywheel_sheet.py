@@ -15,7 +15,6 @@ from linkage_lab.flywheel import Crank, Cycle
 from linkage_lab.output import (
     NUMBERS,
     SMALL,
-    TEXT,
     WIDTH,
     Pictures,
     box,
@@ -25,6 +24,7 @@ from linkage_lab.output import (
     over,
     round_ticks,
     rounded,
+    write_title,
 )
 from linkage_lab.period import Extent, Period, extent
 from linkage_ros import LinkageError
@@ -189,13 +189,11 @@ def _draw(found: _Sizing, name: str, missed: str, files: Pictures) -> None:
     count = 3 if found.motor else 2
     height = top + count * (_HIGH + _TITLE) + _FOOT
     with chart(files, height, layout=None) as figure:
-        title: dict[str, Any] = {'weight': 'bold', 'fontsize': TEXT, 'va': 'top'}
-        figure.text(0.2 / WIDTH, 1 - 0.12 / height, f'{name}: flywheel', **title)
+        write_title(figure, f'{name}: flywheel')
         _write_table(figure, rows)
         if missed:
-            style = title | {'color': fractions(VERMILION)}
             words = missed.replace('^2', '\N{SUPERSCRIPT TWO}')
-            figure.text(0.2 / WIDTH, 1 - (top - 1.5 * _ROWS) / height, words, **style)
+            write_title(figure, words, top=top - 1.5 * _ROWS, color=fractions(VERMILION))
         wide, draws = WIDTH - _LEFT - _NAMES, (_draw_torques, _draw_speeds, _draw_plane)
         for i, draw in enumerate(draws[:count]):
             y = top + i * (_HIGH + _TITLE) + 0.55 * _TITLE

@@ -13,13 +13,11 @@ import numpy as np
 
 from linkage_lab.charts.curves import DESIGN_COLORS, NOISE
 from linkage_lab.charts.motion_sheet import draw_sheet
-from linkage_lab.charts.sketch import sketch_at
+from linkage_lab.charts.sketch import DRAWN_AT, sketch_at
 from linkage_lab.command_line import FORMATS
 from linkage_lab.output import doubts, new_file, pictures, rounded, save_csv
 from linkage_lab.period import Period, extent, extents, period_to_show, stepped
 from linkage_ros import ConfigurationError, cli, load
-
-_SHOWN_AT = 45.0  # crank angle of the sketch without a drawing, deg; links rarely overlap there
 
 
 def motion(options: argparse.Namespace) -> None:
@@ -194,11 +192,11 @@ def _measures(period: Period) -> dict[str, float | None]:
 def _shown(period: Period) -> int:
     """Returns the index of the sample at which the mechanism is shown, the nearest to its drawing.
 
-    A mechanism without a drawing is shown at a crank angle at which links rarely overlap.
+    A mechanism without a drawing is shown at the crank angle `DRAWN_AT`.
     """
     drawn = period.solver.mechanism.drawn
     if drawn is None:
-        apart = np.exp(1j * period.crank_angles) - cmath.rect(1.0, math.radians(_SHOWN_AT))
+        apart = np.exp(1j * period.crank_angles) - cmath.rect(1.0, math.radians(DRAWN_AT))
     elif period.driven.slides:
         apart = period.crank - drawn.position
     else:

@@ -37,6 +37,7 @@ from linkage_lab.output import (
     over,
     rounded,
     shown_range,
+    write_title,
 )
 from linkage_lab.period import Extent, Period
 from linkage_ros.palette import BLACK, fractions
@@ -168,10 +169,8 @@ def _draw_sketches(
         place = box(layout.height, (i + 0.02) * wide, 0.35, 0.96 * wide, layout.sketch - 0.4)
         draw_sketch(figure.add_axes(place), sketched, with_dimensions=with_dimensions)
         color = DESIGN_COLORS[i] if len(sketches) > 1 else BLACK
-        figure.text(
-            (i * wide + 0.2) / WIDTH, 1 - 0.12 / layout.height, textwrap.shorten(name, 40),
-            va='top', color=fractions(color), weight='bold', fontsize=TEXT,
-        )  # fmt: skip
+        title = textwrap.shorten(name, 40)
+        write_title(figure, title, left=i * wide + 0.2, color=fractions(color))
 
 
 def _constant(panel: Panel) -> str:

@@ -21,12 +21,12 @@ from linkage_lab.charts.linkage_picture import NAME_STYLE, LinkagePicture
 from linkage_lab.output import (
     NUMBERS,
     SMALL,
-    TEXT,
     WIDTH,
     chart,
     load_pose,
     pictures,
     rounded,
+    write_title,
 )
 from linkage_lab.period import Period
 from linkage_lab.sampling import without_loads
@@ -37,7 +37,9 @@ from linkage_ros.internals import UNITS, Drawing, axes_of
 from linkage_ros.palette import BLACK, DARK, Color, fractions
 from linkage_ros.quantities import Angle, leaves
 
-_DRAWN_AT = 45.0  # crank angle of a mechanism that turns fully and is given by lengths, deg
+# Crank angle of a mechanism that turns fully and is given by lengths, deg; links rarely overlap
+# there.
+DRAWN_AT = 45.0
 # Inches: height of the drawing, of a line of text, and margin.
 HIGH, _LINE, _ROOM = 6.2, 0.165, 0.35
 _CHARACTERS = 118  # in a line of text
@@ -128,7 +130,7 @@ def sketch(options: argparse.Namespace) -> None:
     written = [*itertools.chain(*map(wrap, lines))]
     height = _ROOM + HIGH + _LINE * len(written) + 0.15
     with chart(files, height, layout=None) as figure:
-        figure.text(0.02, 1 - 0.12 / height, name, va='top', weight='bold', fontsize=TEXT)
+        write_title(figure, name)
         axes = figure.add_axes((0.02, 1 - (_ROOM + HIGH) / height, 0.96, HIGH / height))
         draw_sketch(axes, sketched, with_dimensions=options.dimensions)
         figure.text(
@@ -159,7 +161,7 @@ def sketch_of(design: Any, at: float | None = None) -> Sketched:
     positions, rates = design.mechanism.start()
     place = _drawn_at(design) if at is None else at
     if place is None:
-        place = math.radians(_DRAWN_AT)
+        place = math.radians(DRAWN_AT)
         if reach is not None and not reach.turns_fully:
             place = design.drive.drawn_angle(design.mechanism)
             low, high = reach.arc_around(place)
@@ -415,10 +417,10 @@ class _Label(NamedTuple):
 
     Attributes:
         text: The name.
-        at: What it belongs to, x + iy, m.
+        at: Position of the labelled part, x + iy, m.
         way: Preferred direction from there.
         color: Colour of the text.
-        bold: Whether it is that of a link.
+        bold: Whether the label names a link.
     """
 
     text: str
@@ -517,7 +519,7 @@ def _name(
 def _dimensions(sketched: Sketched, drawing: Drawing, shown: dict[str, Array]) -> Iterator[_Label]:
     """Yields the distances of pins that are joined by a side of a link that turns."""
     structure, (places,) = sketched.solver.structure, drawing.place(sketched.positions)
-    # A barrel ends at its mouth, where there is no pin.
+    # The mouth, where the drawing of a barrel ends, is not a pin.
     names = [name for name in drawing.pins if name != structure.mouth]
     pins = [*drawing.pivots, *(places[drawing.pins.index(name)] for name in names)]
     for link in drawing.turning:
