@@ -38,7 +38,7 @@ class Command(NamedTuple):
     """A command line of a page.
 
     Attributes:
-        words: Its words, without leading variables and trailing comments.
+        words: Words of the command, without leading variables and trailing comments.
         is_block: Whether the command is in a block, to be copied, not within a sentence.
         near: Context of the command: its block and the adjacent paragraphs, or its paragraph.
     """

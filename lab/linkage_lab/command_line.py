@@ -21,7 +21,6 @@ FORMATS = 'png', 'svg', 'pdf'
 QUANTITIES = 'position', 'velocity', 'acceleration', 'torque', 'load', 'point'
 KINDS = 'four_bar', 'slider_crank', 'inverted_slider_crank', 'wind_pump', 'drawing'
 DEFAULT = 'position', 'torque', 'load'
-_WITHOUT_PICTURE = {'new', 'state', 'sweep'}  # commands that do not draw, or late
 _PLACE = Quantity(
     'number',
     'crank angle, also written 85deg, or position of a driven slide',
@@ -226,8 +225,6 @@ def _run(options: argparse.Namespace) -> None:
     name = f'linkage_lab.charts.{options.command}'
     if name not in sys.modules:
         gc.disable()  # imports leave no garbage, and take an eighth longer with its collection
-        if options.command not in _WITHOUT_PICTURE and 'matplotlib' not in sys.modules:
-            import_module('linkage_lab.plotting')
         import_module(name)
         gc.freeze()
         gc.enable()

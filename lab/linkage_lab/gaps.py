@@ -96,8 +96,9 @@ def _sides(x: Array, is_gap: Any) -> tuple[Array, Any]:
     """Chooses the side of each gap from which its limit is taken.
 
     Returns:
-        1.0 for the right side, -1.0 for the left side; and whether the gap is at a change point,
-        which has two places, or at an end. Elsewhere friction locks, and there is no limit.
+        1.0 for the right side, -1.0 for the left side; and whether a limit exists. It exists at a
+        change point, which has one place on each side, and at an end. Other gaps are where
+        friction locks the mechanism.
     """
     is_second = np.diff(x, prepend=x[0]) < SAME
     is_first = np.diff(x, append=x[-1]) < SAME

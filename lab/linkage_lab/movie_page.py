@@ -182,8 +182,8 @@ class _Canvas(NamedTuple):
     """The area of the picture in which the mechanism is drawn.
 
     Attributes:
-        low: Its lower left corner, m.
-        high: Its upper right corner, m.
+        low: Lower left corner of the area, m.
+        high: Upper right corner of the area, m.
     """
 
     low: Array

@@ -29,14 +29,14 @@ _CELL = 'padding: 0 1em 0 0; font-variant-numeric: tabular-nums; text-align:'
 
 
 class Shown:
-    """What a notebook displays.
+    """HTML that a notebook displays.
 
     Attributes:
-        title: One line that describes it.
+        title: One-line description.
     """
 
     def __init__(self, title: str, parts: Iterable[str]) -> None:
-        """Joins the parts, which are HTML."""
+        """Joins the title and parts in HTML."""
         self.title = title
         self._html = '\n'.join((f'<h3>{html.escape(title)}</h3>', *parts))
 
@@ -51,7 +51,7 @@ class Shown:
 
 
 class _Motion(NamedTuple):
-    """A motion to show: its name, its description, and the motion."""
+    """A motion to show, with a name and a description."""
 
     name: str
     words: str

@@ -801,7 +801,7 @@ def extents(
 ) -> list[Extent]:
     """Finds the extents of m quantities, of shapes (m, n) and (m, k); see `extent`.
 
-    Those of a quantity that is infinite somewhere are not searched in `curves`.
+    If any value is infinite, values are interpolated and `curves` is not used.
     """
     count, finite = len(values), _without_infinite(values)
     if finite is not values or not curves:

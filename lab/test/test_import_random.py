@@ -124,10 +124,10 @@ def compare_with_mujoco(path, closes, name, found, rate=2.0, change=3.0):
     Args:
         path: The model.
         closes: Pairs of links with sites named after them, which meet.
-        name: The driven joint.
-        found: Its drawing.
-        rate: Rate of the driven link.
-        change: Its acceleration.
+        name: Name of the driven joint.
+        found: The imported drawing.
+        rate: Rate of the driven link, rad/s or m/s.
+        change: Acceleration of the driven link, rad/s^2 or m/s^2.
     """
     solver = Solver(found.mechanism)
     state = solver.state(found.mechanism.drawn.position, rate, change)

@@ -65,7 +65,7 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
 
     Args:
         simulator: Simulator of a linkage.
-        motions: Its logged segments.
+        motions: Logged segments of the linkage.
 
     Returns:
         Description of the first difference; empty if there is none.
@@ -197,7 +197,7 @@ class SegmentStates:
         Args:
             run: The states of the run.
             simulator: Simulator of the linkage.
-            motions: Its segments; at least one.
+            motions: Segments of the linkage; at least one.
         """
         self.number, self._run = 0, run
         self._simulator, self._motions = simulator, motions

@@ -100,7 +100,7 @@ class MeasuredTable:
         """Converts a row to a message.
 
         Raises:
-            ValueError: Its time is not valid.
+            ValueError: The time in the row is not valid.
         """
         text = _cell(row, self._places['time'])
         try:

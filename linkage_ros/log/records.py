@@ -104,7 +104,7 @@ class LinkageEnd(NamedTuple):
     Attributes:
         stamp: Stamp of the first state without it, ns.
         cause: Message of the error.
-        linkage: Its name.
+        linkage: Name of the linkage.
     """
 
     stamp: int

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What structure alone tells of motion: links with one direction, and links that are rigid."""
+"""Motion that follows from structure alone: links that turn together, and rigid links."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -39,7 +39,7 @@ class Description(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """What a drawing adds to the mechanism that it shows.
+    """Names and position that a drawing gives to its mechanism.
 
     Attributes:
         links: Names of the links of the loop.

@@ -21,7 +21,7 @@ _FRAME = 'frame_angle', 'frame_speed', 'frame_acceleration'
 
 @dataclass(frozen=True, init=False)
 class Conditions:
-    """What acts on a mechanism from outside, where it differs from the mechanism's own.
+    """External conditions that replace or add to those of the mechanism.
 
     The values are floats, or arrays that broadcast with the coordinates.
 

@@ -59,7 +59,7 @@ class _Body(NamedTuple):
     Attributes:
         name: Name of the body.
         pins: Names of its pins.
-        part: Its mass, and its length if that is given.
+        part: Mass of the body, and length if given.
         on: Body with the line on which it slides, or 'frame'; empty for a link.
         way: Direction of the line as drawn.
     """
@@ -91,7 +91,7 @@ class _Base(NamedTuple):
 
 
 class _Loop(NamedTuple):
-    """What a loop adds to its crank.
+    """The part of a loop besides its crank.
 
     Attributes:
         parts: Further arguments of the mechanism's class.

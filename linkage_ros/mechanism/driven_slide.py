@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What mechanisms have in common whose sliding link may be driven instead of the crank.
+"""Shared code of mechanisms whose sliding link may be driven instead of the crank.
 
 Two links of lengths a and b and a line of length L form a triangle. The line leads to a sliding
 link at the position x of its guide, at a distance e from the guide's zero, so that

@@ -168,7 +168,7 @@ class Reach(NamedTuple):
 
     @property
     def subject(self) -> str:
-        """What is driven, in a sentence."""
+        """Name of the driven link for a sentence."""
         return self.name or f'the {self.driven}'
 
     def renamed(self, name: str, words: Callable[[str], str]) -> 'Reach':

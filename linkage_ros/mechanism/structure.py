@@ -121,7 +121,7 @@ class Link(NamedTuple):
 
     @property
     def driven_word(self) -> str:
-        """What the link is called if its joint is driven: 'crank', 'cylinder' or 'slider'."""
+        """Word for the link if its joint is driven: 'crank', 'cylinder' or 'slider'."""
         if not self.slides:
             return 'crank'
         return 'slider' if self.is_guided else 'cylinder'
@@ -204,11 +204,11 @@ class AddedDyad(NamedTuple):
 
 
 class _New(NamedTuple):
-    """What a dyad adds to a `Structure`.
+    """Links, joints and closure that a dyad adds to a `Structure`.
 
     Attributes:
-        links: Its links.
-        joints: The point of each of its pins, and the links that the pin joins; see `Pin`.
+        links: Links of the dyad.
+        joints: Point of each pin, and the links that the pin joins; see `Pin`.
         closure: See `Structure.closure`.
     """
 

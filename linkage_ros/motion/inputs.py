@@ -163,7 +163,7 @@ class StaleError(ValueError):
 
 
 class Received(NamedTuple):
-    """What a message holds for the linkages of a run.
+    """Values of a message for the linkages of a run, and reasons for rejections.
 
     Attributes:
         values: Result of `Input.read` for each linkage that accepts the message, by its name.

@@ -136,7 +136,7 @@ class FollowMotion:
         Args:
             stamp: Time of the measurement, ns.
             position: Crank angle, rad, or position of a slide, m.
-            velocity: Its rate, rad/s or m/s; None or NaN if it is not measured.
+            velocity: Rate of the position, rad/s or m/s; None or NaN if it is not measured.
 
         Returns:
             The coordinates at the stamp. The crank angle is the measured one; if the motion

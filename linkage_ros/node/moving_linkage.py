@@ -24,11 +24,11 @@ class MovingLinkage:
     """A linkage of a live run.
 
     Attributes:
-        name: Its name; empty for the only one.
-        simulator: Its simulator.
-        drive: Its drive, which `set_live` replaces.
-        motion: Its motion; None before the first tick, and of a measured crank.
-        state: Its last state; None before the first one.
+        name: Name of the linkage; empty for the only one.
+        simulator: Simulator of the linkage.
+        drive: The drive, which `set_live` replaces.
+        motion: The motion; None before the first tick, and for a measured crank.
+        state: The last state; None before the first one.
         coordinates: The coordinates of that state.
         first: Numbers of the first state, until they are reported.
         ranges: The ranges of its load curves that the motion has left.

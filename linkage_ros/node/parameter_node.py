@@ -203,7 +203,7 @@ def _with_numbers(parameter: Parameter, quantity: Quantity | None) -> Parameter:
 
     Args:
         parameter: A parameter that is set.
-        quantity: Its quantity; None if it has none.
+        quantity: Quantity of the parameter, or None.
 
     Returns:
         The converted parameter; the given one if there is nothing to convert, or no valid value.

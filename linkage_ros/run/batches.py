@@ -47,8 +47,8 @@ class LinkageStates:
 
     Attributes:
         name: Name of the linkage.
-        simulator: Its simulator.
-        motion: Its motion.
+        simulator: Simulator of the linkage.
+        motion: Motion of the linkage.
         ranges: The ranges of its load curves that the motion has left.
         completed: Number of states until its turns are complete; None before that.
         available: Number of states that were computed, but not taken.
@@ -59,7 +59,7 @@ class LinkageStates:
 
         Args:
             simulator: Simulator of the linkage.
-            motion: Its motion from t = 0.
+            motion: Motion of the linkage from t = 0.
         """
         self.name, self.simulator, self.motion = simulator.name, simulator, motion
         self.ranges = Ranges(simulator.solver)

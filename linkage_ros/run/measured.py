@@ -21,7 +21,7 @@ class Measurement(NamedTuple):
 
     Attributes:
         time: Time of receipt, ns.
-        stamp: Its stamp, ns; 0 if no linkage accepts it.
+        stamp: Stamp of the message, ns; 0 if no linkage accepts the message.
         coordinates: Coordinates of each linkage that accepts it, by name.
         linkages: Names of the linkages that accept it, and of those whose efforts it ends.
     """
@@ -58,7 +58,7 @@ class Answers(NamedTuple):
 
 
 class _Saved(NamedTuple):
-    """What messages change, by linkage.
+    """State that messages change, by linkage.
 
     Attributes:
         filters: State of the filters; see `MeasuredCrank.tracked`.

@@ -37,8 +37,8 @@ class RowPart(NamedTuple):
     """The numbers of one linkage in the messages of a state, or of many as arrays.
 
     Attributes:
-        numbers: Its own numbers; see `LinkageNumbers`.
-        effort: Effort of its driven joint for a controller; None without feed-forward.
+        numbers: Numbers of the linkage; see `LinkageNumbers`.
+        effort: Effort of the driven joint for a controller; None without feed-forward.
     """
 
     numbers: Sequence[Any]
@@ -56,7 +56,7 @@ class Simulator:
 
     Attributes:
         linkage: Configuration of the linkage.
-        name: Its name; empty for the only one.
+        name: Name of the linkage; empty for the only one.
         solver: Solver of the mechanism.
         robot_joints: The joint of each link in messages.
         joints: Names of the published joints, in the order of the messages.

@@ -175,7 +175,7 @@ class Configuration:
         """Returns a linkage.
 
         Args:
-            name: Its name; empty for the only one.
+            name: Name of the linkage; empty for the only one.
 
         Raises:
             ConfigurationError: There is no such linkage, or a name is needed.

@@ -30,12 +30,12 @@ class Curve:
     """A quantity over a period.
 
     Attributes:
-        name: Its name, unique in its diagram.
-        unit: Its unit.
-        period: The period.
-        values: Its values, in this unit.
-        color: Colour of the link that it belongs to, or black.
-        dash: Number of its dash.
+        name: Name of the curve, unique in a diagram.
+        unit: Unit of the values, as written in the heading.
+        period: Period that the curve covers.
+        values: One value for each sample of the period, in this unit.
+        color: Colour of the curve: that of its link or design, otherwise black.
+        dash: Number of the line style; see `dash` in output.py.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Panel:
-    """A diagram: its title, without the unit, and its curves, which have one unit."""
+    """A diagram: the title without the unit, and curves in the same unit."""
 
     title: str
     curves: Sequence[Curve]
@@ -60,16 +60,16 @@ class Panel:
 
     @property
     def has_names(self) -> bool:
-        """Whether its curves are named, because the title does not name a single one."""
+        """Whether curves are named: there are several, or the title does not name the only one."""
         return len(self.curves) > 1 or self.curves[0].name not in self.title
 
     @property
     def is_constant(self) -> bool:
-        """Whether nothing changes in it."""
+        """Whether every curve is constant."""
         return not any(np.ptp(curve.values) for curve in self.curves)
 
     def without_noise(self) -> 'Panel':
-        """Returns it without the rounding errors of values that are zero or constant."""
+        """Returns the diagram with rounding errors removed from zero and constant values."""
         finite = [np.where(np.isfinite(x.values), x.values, 0.0) for x in self.curves]
         least = NOISE * max(np.abs(values).max() for values in finite)
         curves = list[Curve]()
@@ -82,7 +82,7 @@ class Panel:
         return replace(self, curves=curves)
 
     def measured(self) -> list[Extent]:
-        """Finds the extreme values and the rms of its curves, without rounding errors."""
+        """Finds the extreme values and the rms of each curve, without rounding errors."""
         found = [extent(curve.period.x, curve.values) for curve in self.curves]
         least = NOISE * max(max(-x.low, x.high) for x in found)
         return [
@@ -108,7 +108,7 @@ def panels(period: Period, show: Collection[str]) -> list[Panel]:
 
 
 def only_in_table(period: Period) -> list[Panel]:
-    """Returns the quantities that are in the table, but have no diagram."""
+    """Returns the quantities listed in the table that have no diagram."""
     found = [
         Panel(f'Rate of {name}', [replace(_curve(period, f'{name}.length_rate'), name=name)])
         for name in period.springs

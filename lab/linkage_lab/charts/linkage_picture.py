@@ -47,7 +47,7 @@ class LinkagePicture:
     """A drawing of a mechanism with its pins, their paths over a period, and a scale bar.
 
     Attributes:
-        moving: What `move` changes, from below to above.
+        moving: Artists that `move` changes, from back to front.
     """
 
     def __init__(

@@ -151,14 +151,14 @@ def _film(design: Any, period: Period, name: str, words: str) -> Iterator[Image.
 
 
 class _Springs:
-    """Springs and cylinders in a film, with their names and the fixed pins that only they have.
+    """Springs and cylinders in a film, with their names and the fixed pins of their own.
 
     Attributes:
-        moving: What `move` changes, from below to above.
+        moving: Artists that `move` changes, from back to front.
     """
 
     def __init__(self, axes: Axes, design: Any, period: Period) -> None:
-        """Draws them at the first sample."""
+        """Draws the springs and cylinders at the first sample."""
         structure = period.solver.structure
         self._lines = [*spring_lines(design, structure, period.rows('position')).items()]
         style = {**NAME_STYLE, 'ha': 'center', 'color': fractions(DARK),

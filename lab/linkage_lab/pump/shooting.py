@@ -206,14 +206,14 @@ class Shooting:
 
 
 class _Shot(NamedTuple):
-    """A motion over some turns, and how its end depends on its start, in the units of a phase.
+    """A motion over some turns, with the derivative of its end with respect to its start.
 
     Attributes:
-        ends: Phase at the end of each turn, of shape (4, turns).
-        moved: Change of the phase since the motion's start, at these ends.
-        derivative: As in `PeriodicMotion`.
-        times: As in `PeriodicMotion`.
-        reversals: Values of the motion where its slider reverses, in rows; may be empty.
+        ends: Phase at the end of each turn, in the units of a phase, of shape (4, turns).
+        moved: Phase at each of these ends minus the phase at the start, in the same units.
+        derivative: Derivative of the last end with respect to the start; see `PeriodicMotion`.
+        times: Time at the end of each turn, s.
+        reversals: Values of the motion at each reversal of the slider, in rows; may be empty.
     """
 
     ends: Array

@@ -107,7 +107,11 @@ class Reference:
             return {name: tuple(map(_mean, before[name], after[name])) for name in before}
 
     def _locate(self, crank: _Number) -> _Position:
-        """Computes the position of the loop from two circles, or from a circle and a line."""
+        """Computes the position of the loop from two circles, or from a circle and a line.
+
+        Both functions take the crank angle relative to the frame or guide, rad, and the unit
+        vector of the frame or guide.
+        """
         frame = mp.mpf(self._mechanism.frame.angle)
         frame -= 2 * mp.pi * mp.nint(frame / (2 * mp.pi))
         slides = isinstance(self._mechanism, SliderCrank)
@@ -115,12 +119,7 @@ class Reference:
         return locate(crank - frame, mp.expj(frame))
 
     def _on_guide(self, theta: _Number, axis: _Number) -> _Position:
-        """Intersects the circle about the crank pin with the path of the slider's pin.
-
-        Args:
-            theta: Crank angle from the guide, rad.
-            axis: Unit vector of the guide.
-        """
+        """Intersects the circle about the crank pin with the path of the slider's pin."""
         crank, coupler, _, offset = self._lengths  # exact
         r, b, _, e = map(mp.convert, self._lengths)
         y = e - r * mp.sin(theta)
@@ -131,12 +130,7 @@ class Reference:
         return _Position(mp.mpc(x, y) * axis / b, mp.mpc(r * mp.cos(theta) + x), x / b)
 
     def _on_circles(self, theta: _Number, axis: _Number) -> _Position:
-        """Intersects the circles of coupler and rocker.
-
-        Args:
-            theta: Crank angle from the frame, rad.
-            axis: Unit vector of the frame.
-        """
+        """Intersects the circles of coupler and rocker."""
         crank, coupler, rocker, frame = self._lengths  # exact
         r, b, c, d = map(mp.convert, self._lengths)
         diagonal = axis * (d - r * mp.expj(theta))  # from the crank's pin to the rocker's pivot
@@ -238,7 +232,7 @@ class Reference:
             return origin + direction * mp.mpc(*map(self._length, at))
 
         found: list[_Number] = []
-        dyad: Any  # what it has depends on its kind
+        dyad: Any  # its attributes depend on its kind
         for dyad in mechanism.dyads:
             start, name = end(dyad.from_, dyad.from_at), dyad.name
             if dyad.barrel:

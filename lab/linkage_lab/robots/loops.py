@@ -101,7 +101,7 @@ def find_loops(robot: Robot, request: Request) -> Loops:
 
     Args:
         robot: The robot.
-        request: What to import.
+        request: Specification of the import.
 
     Returns:
         The loops.

@@ -127,7 +127,7 @@ class Robot(NamedTuple):
         gravity: Acceleration of gravity in the axes of the root, m/s^2, shape (3,).
         roots: Pose of links in the root's axes; the origin for others.
         others: Constraints in the file that close no loop, with the reason.
-        doubts: What is left out or assumed for a link, by its name.
+        doubts: Description of omitted or assumed values of a link, by name.
         notes: Sentences about what is left out of the whole model.
     """
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What an import leaves out or assumes, and what is probably wrong in the model."""
+"""Notes on values that an import omits or assumes, and on probable errors in the model."""
 
 import json
 import math

@@ -94,7 +94,7 @@ def draw_robot(robot: Robot, request: Request) -> RobotDrawing:
 
     Args:
         robot: The robot.
-        request: What to import.
+        request: Specification of the import.
 
     Returns:
         The drawing, with its joints and bodies.

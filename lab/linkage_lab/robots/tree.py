@@ -74,7 +74,8 @@ class Tree:
         for joint in kept:
             joints_at[joint.parent].append(joint)
             joints_at[joint.child].append(joint)
-        # Roots come first: they are no joint's child. Each adds all links that it carries.
+        # Roots, which are not the child of any joint, come first; `_grow` then adds the links that
+        # they carry.
         children = {joint.child for joint in kept}
         for link in sorted(robot.links, key=lambda link: link in children):
             if link not in self.home:
