@@ -7,7 +7,7 @@ from functools import cache
 
 from linkage_ros.messages.topics import MEASURED_JOINT_STATES
 from linkage_ros.motion.inputs import SharedInput
-from linkage_ros.run.measured import MeasuredStates
+from linkage_ros.run.measured import MeasuredRun
 from linkage_ros.run.robot import Robot
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import Configuration
@@ -68,4 +68,4 @@ class TrajectoryAlone(TrajectoryAhead):
 def answers_of(simulator):
     """Returns what answers batches of measurements of the linkage of a simulator alone."""
     robot = run_alone(simulator)
-    return MeasuredStates(robot, robot.inputs()[MEASURED_JOINT_STATES])
+    return MeasuredRun(robot, robot.inputs()[MEASURED_JOINT_STATES])

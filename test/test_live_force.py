@@ -17,6 +17,7 @@ from linkage_ros.log.verify import verify
 from linkage_ros.messages.cdr import decode_trajectory
 from linkage_ros.messages.topics import WRENCH_STAMPED
 from linkage_ros.programs.record import record
+from linkage_ros.run.robot import Robot
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.units import NS_PER_S
@@ -182,7 +183,7 @@ def test_a_message_acts_from_its_state_until_it_expires():
 def test_two_loads_with_one_topic_are_refused():
     values = {**LINKS, **PUSH, **PULL, 'loads.pull.wrench_topic': 'push', 'rpm': 60.0}
     with pytest.raises(ConfigurationError, match='two loads have it'):
-        Simulator(configure(values).only)
+        Robot(configure(values))
 
 
 def live_force(**given):

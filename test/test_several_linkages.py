@@ -221,7 +221,7 @@ def test_a_linkage_that_is_missing_without_a_reason_is_found(tmp_path, monkeypat
     monkeypatch.setattr(LogWriter, 'write_states', twice)
     with pytest.raises(MotionError):
         record(configure(LEGS), tmp_path / 'twice.mcap', duration=0.2)
-    assert 'left is there again' in report_of(tmp_path / 'twice.mcap').difference
+    assert 'left reappears' in report_of(tmp_path / 'twice.mcap').difference
 
 
 def test_revolutions_last_until_each_crank_has_made_them(tmp_path):

@@ -107,7 +107,7 @@ class ExpectedStates(ABC):
         """Handles a message that is not part of a state; called in the order of writing."""
 
     def end_efforts(self, linkages: Iterable[str]) -> None:  # noqa: B027, most end by themselves
-        """Takes the end of torques that the run commanded, by linkage."""
+        """Ends the efforts of linkages that the run had commanded."""
 
     @abstractmethod
     def cross_gap(self) -> bool:
@@ -168,14 +168,14 @@ class ExpectedStates(ABC):
 
     @abstractmethod
     def take(
-        self, segments: Segments, ticks: list[int], efforts: Mapping[str, RowPart]
+        self, segments: Segments, ticks: list[int], parts: Mapping[str, RowPart]
     ) -> tuple[int, str]:
         """Advances past states whose messages are equal.
 
         Args:
             segments: Index of the states' segment, by linkage.
             ticks: Ticks of the states.
-            efforts: Efforts of the last state, by linkage.
+            parts: Numbers of at least these states, by linkage.
 
         Returns:
             The number of states consistent with their predecessors, and the error of the next
@@ -314,7 +314,7 @@ class TickStates(ExpectedStates):
         self,
         segments: Segments,
         ticks: list[int],
-        efforts: Mapping[str, RowPart],  # noqa: ARG002, others keep them
+        parts: Mapping[str, RowPart],  # noqa: ARG002, others need their efforts
     ) -> tuple[int, str]:
         """Counts the ticks before and between states; see `ExpectedStates`."""
         wrong = ''
@@ -359,16 +359,14 @@ class MeasuredStates(ExpectedStates):
     ) -> Iterator[tuple[Segments, list[int]]]:
         """Yields the leading stamps that match the next measurements; see `ExpectedStates`."""
         while self._next and not self._next[0].coordinates:  # it has no state
-            self._efforts.end(self._next.pop(0).linkages[1])
-        due = self._next[0].linkages if self._next else None
-        fit = [
-            stamp
-            for stamp, _ in takewhile(
-                lambda pair: pair[0] == pair[1].stamp and pair[1].linkages == due,
-                zip(stamps.tolist(), self._next, strict=False),
-            )
-        ]
-        if not fit or not due or due[0] != linkages:
+            self._efforts.end(self._next.pop(0).ended)
+        ended = self._next[0].ended if self._next else ()
+        fit = list[int]()
+        for stamp, one in zip(stamps.tolist(), self._next, strict=False):
+            if (one.stamp, one.linkages, one.ended) != (stamp, linkages, ended):
+                break
+            fit.append(stamp)
+        if not fit:
             return
         for chosen in product(*(self._segments_of(name, fit) for name in linkages)):
             segments = dict(zip(linkages, (number for number, _ in chosen), strict=True))
@@ -377,13 +375,12 @@ class MeasuredStates(ExpectedStates):
     def _segments_of(self, name: str, fit: list[int]) -> list[tuple[int, list[int]]]:
         """Returns the segments of a linkage that may begin with stamps, and their stamps."""
         number, found = self._segments[name], []
+        first, *others = fit
         ends = [motion.stamp for motion in self._motions[name][number : number + 2]]
         # If a bag is looped, the stamp at which gravity changes occurs again.
-        if fit[:1] == ends[:1]:
-            found.append(
-                (number + 1, [*fit[:1], *takewhile(lambda x: x not in ends[1:], fit[1:])])
-            )
-        found.append((number, [*fit[:1], *takewhile(lambda x: x not in ends[:1], fit[1:])]))
+        if [first] == ends[:1]:
+            found.append((number + 1, [first, *takewhile(lambda x: x not in ends[1:], others)]))
+        found.append((number, [first, *takewhile(lambda x: x not in ends[:1], others)]))
         return found
 
     def coordinates(
@@ -404,14 +401,14 @@ class MeasuredStates(ExpectedStates):
 
     def held(self) -> dict[str, float]:
         """Returns the last efforts, except those that end; see `ExpectedStates`."""
-        return {**self._efforts.values, **dict.fromkeys(self._next[0].linkages[1], 0.0)}
+        return {**self._efforts.values, **dict.fromkeys(self._next[0].ended, 0.0)}
 
     def take(
-        self, segments: Segments, ticks: list[int], efforts: Mapping[str, RowPart]
+        self, segments: Segments, ticks: list[int], parts: Mapping[str, RowPart]
     ) -> tuple[int, str]:
         """Advances past measurements; see `ExpectedStates`."""
         self._segments |= segments
-        self._efforts.end(self._next[0].linkages[1])
-        self._efforts.hold(efforts)
+        self._efforts.end(self._next[0].ended)
+        self._efforts.hold(parts, len(ticks) - 1)
         del self._next[: len(ticks)]
         return len(ticks), ''

@@ -209,11 +209,14 @@ class RowLayouts:
         return self._made[names]
 
     def at(self, data: bytes | bytearray, at: int) -> RowLayout | None:
-        """Returns the layout of the row that begins at an offset; None without a linkage's topic.
+        """Finds the layout of the row that begins at an offset, by the topics of linkages in it.
 
         Args:
             data: MCAP records.
             at: Offset of a record.
+
+        Returns:
+            The layout; None if no message of the row is of one linkage alone.
         """
         seen, found = set[int](), set[str | None]()
         while at + MESSAGE_HEAD.size <= len(data):

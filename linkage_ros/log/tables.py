@@ -35,7 +35,7 @@ from linkage_ros.settings.joints import measured_from
 from linkage_ros.units import NS_PER_S
 
 _TYPES = JOINT_STATE.name, JOINT_TRAJECTORY.name, POINT_STAMPED.name
-_POINTS = 'points/'  # in the role of a traced point, before its name, after its linkage's
+_POINTS = 'points/'  # in the role of a traced point, between its linkage, if named, and its name
 _IN_JOINT_STATE = tuple(name for name in QUANTITIES if name != 'acceleration')
 
 

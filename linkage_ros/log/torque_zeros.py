@@ -10,7 +10,7 @@ from linkage_ros.log.rows import RowLayout
 from linkage_ros.messages.cdr import decode_trajectory
 from linkage_ros.messages.templates import encode_efforts, holding_trajectory
 from linkage_ros.messages.topics import EFFORT_COMMANDS, TRAJECTORY_COMMANDS
-from linkage_ros.run.robot import Robot
+from linkage_ros.run.robot import HeldEfforts, Robot
 
 
 class TorqueZeros:
@@ -30,12 +30,12 @@ class TorqueZeros:
         self._robot, self._names = robot, robot.names
         self._efforts = log.channel(EFFORT_COMMANDS)
         channels = self._efforts, log.channel(TRAJECTORY_COMMANDS)
-        # The ends whose zeros are still to come, by channel and log time, ns.
+        # The ends whose zeros have not been read yet, by channel and log time, ns.
         self._due = dict[tuple[int, int], list[TorqueEnd]]()
         for channel in filter(None, channels):
             for end in log.torque_ends:
                 self._due.setdefault((channel.number, end.stamp), []).append(end)
-        self._last = dict.fromkeys(self._names, 0.0)  # efforts in the log
+        self._last = HeldEfforts(self._names)  # in the log
 
     def take(self, layout: RowLayout, rows: bytes) -> None:
         """Takes the logged efforts of states, of which there is at least one."""
@@ -44,19 +44,19 @@ class TorqueZeros:
         start = layout.starts[layout.channels.index(self._efforts.number)]
         places = [x for x in layout.places if x.offset > start and x.code == 'd']
         values = [float(layout.column(rows, place)[-1]) for place in places]
-        self._last = dict(zip(self._names, values, strict=False))
+        self._last.values = dict(zip(self._names, values, strict=False))
 
     def end_at(self, message: LoggedMessage) -> Collection[str]:
-        """Returns the linkages whose torques a message ends; none if it is no such message."""
+        """Returns the linkages whose torques a message ends; empty if it ends none."""
         ends = self._due and self._due.get((message.channel, message.time))
         if not ends:
             return ()
         return (ends[0].linkage,) if ends[0].linkage else self._names
 
     def check(self, message: LoggedMessage) -> str:
-        """Checks a message for which there is an `end_at`; describes its error, or returns ''."""
+        """Checks a message that ends torques; returns a description of its error, or ''."""
         place = message.channel, message.time
-        self._last |= dict.fromkeys(self.end_at(message), 0.0)
+        self._last.end(self.end_at(message))
         self._due[place].pop(0)
         if not self._due[place]:
             del self._due[place]
@@ -70,7 +70,7 @@ class TorqueZeros:
     def _zero_like(self, message: LoggedMessage) -> bytes:
         """Returns the zero that a message must be; it may hold any positions."""
         if self._efforts and message.channel == self._efforts.number:
-            return encode_efforts([*self._last.values()])
+            return encode_efforts([*self._last.values.values()])
         simulators = self._robot.simulators.values()
         try:
             _, _, points = decode_trajectory(message.data)
@@ -81,6 +81,6 @@ class TorqueZeros:
             return b''
 
     def missing(self) -> str:
-        """Describes the first zero that did not come; returns '' if all came."""
+        """Describes the first missing zero; returns '' if none is missing."""
         times = sorted(time for _, time in self._due)
         return f'the torque of 0 recorded at {times[0]} ns is not in the log' if times else ''

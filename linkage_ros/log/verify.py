@@ -206,7 +206,7 @@ class Verification:
         if not (self.difference or self.stops_at_gap or self._log.lost):
             self.difference = self._zeros.missing()
         self.missed = self._expected.missed
-        self.ulp = max(self.ulp, *(one.ulp for one in self._comparisons.values()), 0.0)
+        self.ulp = max([self.ulp, *(one.ulp for one in self._comparisons.values())])
 
     def _cross_gap(self, progress: Callable[[int], object]) -> None:
         """Compares the states before missing messages, and prepares for those after them."""
@@ -286,8 +286,7 @@ class Verification:
             count, difference = self._comparison.compare(logged, made, again)
             wrong = wrong or difference
             if count:
-                last = {name: part.at(count - 1) for name, part in parts.items()}
-                count, wrong = self._expected.take(segments, ticks[:count], last)
+                count, wrong = self._expected.take(segments, ticks[:count], parts)
                 self._zeros.take(layout, rows[: count * layout.size])
                 break
         else:
@@ -300,7 +299,7 @@ class Verification:
         return count, wrong
 
     def _wrong_linkages(self, stamp: int) -> str:
-        """Describes a linkage that the states from a stamp on lack, or hold, without a reason."""
+        """Describes a linkage that the states lack from a stamp on, or hold, without a reason."""
         if not self._expected.needs_motion:
             return ''  # measurements are the reason
         held, ended = {*self._layout.linkages}, {*self._log.linkage_ends}
@@ -311,7 +310,7 @@ class Verification:
             if is_first and not self._expected.has_ended(name, stamp):
                 return f'{name} is missing, but its motion continues'
             if name in held and name in self._gone:
-                return f'{name} is there again after its motion ended'
+                return f'{name} reappears after its motion ended'
         self._gone |= {*self._robot.names} - held
         return ''
 

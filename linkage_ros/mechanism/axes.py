@@ -38,7 +38,7 @@ def axes_of(links: Sequence[Any], j: int) -> tuple[int | None, float | None]:
 
 
 def carriers_of(pins: Sequence[Any], links: Sequence[Any]) -> list[int | None]:
-    """Returns the link with which each link is rigid.
+    """Finds the link with which each link is rigid.
 
     A dyad whose two ends are on one link, or on links that are rigid with each other, does not
     move relative to it.
@@ -48,7 +48,7 @@ def carriers_of(pins: Sequence[Any], links: Sequence[Any]) -> list[int | None]:
         links: The moving links of a mechanism, each a `structure.Link`.
 
     Returns:
-        Its index for each link, which is the link's own if it moves; None for the frame.
+        The index of that link for each link: its own if it moves, None for the frame.
     """
     joints = [(pin.first, pin.second) for pin in pins]
     joints += [(link.parent, j) for j, link in enumerate(links) if link.slides]

@@ -142,7 +142,7 @@ class Mechanism(_FromDrawing):
         return self
 
     def suspicion(self) -> AbstractContextManager[None]:
-        """Adds what is probably wrong to an error; a drawing, which has this method too, does."""
+        """Does nothing; the same method of a drawing adds the probable cause to errors."""
         return nullcontext()
 
     def in_own_names(self, text: str) -> str:

@@ -34,7 +34,7 @@ from linkage_ros.mechanism.points import TracedPoint
 from linkage_ros.mechanism.slider_crank import SLIDER, SliderCrank
 from linkage_ros.quantities import shown
 
-# The smallest sine of the angle at which two links meet that still tells their assembly: in the
+# The smallest sine of the angle between two links at which a drawing shows their assembly: in the
 # loop, which may be near a change point, and in a dyad.
 _LEAST_SINE, _LEAST_SINE_OF_DYAD = 1e-6, 1e-3
 
@@ -45,10 +45,10 @@ def listed(names: Iterable[str]) -> str:
 
 
 def _untold(what: str) -> str:
-    """Explains that a drawing does not tell an assembly."""
+    """Explains that a drawing does not show which assembly is meant."""
     cure = ', or correct the direction of the line' if ' line of ' in what else ''
     return (
-        f'{what} as drawn, so that the drawing does not tell on which side they are joined; draw '
+        f'{what} as drawn, so that the drawing does not show on which side they are joined; draw '
         f'the machine at another position{cure}'
     )
 
@@ -97,7 +97,7 @@ class _Loop(NamedTuple):
         parts: Further arguments of the mechanism's class.
         pins: Names of its pins by those in the class, besides A0 and A.
         position: Position of the driven joint as drawn, rad or m.
-        untold: What is so in a drawing that does not tell the assembly.
+        untold: Description of the positions in which a drawing does not show the assembly.
         block: See `Drawn`.
     """
 
@@ -371,11 +371,11 @@ class Conversion:
 
         Args:
             kind: Class of the mechanism.
-            untold: What is so in a drawing that does not tell the assembly, for the error.
+            untold: See `_Loop`.
             **parts: Parts of the mechanism.
 
         Raises:
-            ConfigurationError: The drawing does not tell the assembly.
+            ConfigurationError: The drawing does not show the assembly.
         """
         found = list[tuple[float, Any]]()
         position = parts['drawn'].position
@@ -516,7 +516,7 @@ class Conversion:
         )  # fmt: skip
 
     def require_side(self, area: Fraction, first: Exact, last: Exact, where: str) -> None:
-        """Rejects a dyad whose drawn position does not tell its assembly.
+        """Rejects a dyad whose drawn position does not show its assembly.
 
         Raises:
             ConfigurationError: The sine of two directions, with this product, is nearly 0.

@@ -251,7 +251,7 @@ class Dyad(Checked):
 
     @property
     def has_assemblies(self) -> bool:
-        """Whether there are two assemblies: not of a barrel and a rod."""
+        """Whether there are two assemblies; a barrel and a rod have only one."""
         return self.barrel is None
 
     @property

@@ -79,7 +79,7 @@ class _OpenModel(NamedTuple):
 
 
 class HasMechanism(Protocol):
-    """A `Drawing`, whose mechanism is a method, or what `load` returns."""
+    """A result of `load`, or a `Drawing`, whose `mechanism` is a method."""
 
     @property
     def mechanism(self) -> Any:

@@ -225,12 +225,12 @@ def point_topic(name: str) -> Topic:
 
 
 def prefix_of(linkage: str, separator: str = '/') -> str:
-    """Returns what precedes the names of a linkage; '' for the only one, which has no name."""
+    """Returns the prefix of the names of a linkage; empty for the only one, which has no name."""
     return f'{linkage}{separator}' if linkage else ''
 
 
 def topic_of_linkage(topic: Topic, linkage: str) -> Topic:
-    """Returns a topic of which each linkage has its own."""
+    """Returns the topic of one linkage, for a topic that each linkage has of its own."""
     return topic._replace(name=f'{prefix_of(linkage)}{topic.name}')
 
 

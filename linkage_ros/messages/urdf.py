@@ -25,13 +25,13 @@ _HARDWARE = {
 
 
 def merged_urdf(descriptions: Sequence[str]) -> str:
-    """Returns one URDF of several, whose roots are one link.
+    """Merges robot descriptions that have the same root link.
 
     Args:
-        descriptions: URDF texts, of which each may have the root of the first.
+        descriptions: URDF texts; one or more.
 
     Raises:
-        ConfigurationError: Their roots differ, so that they are no tree.
+        ConfigurationError: Their root links differ.
     """
     if len(descriptions) == 1:
         return descriptions[0]

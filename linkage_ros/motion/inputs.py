@@ -88,7 +88,7 @@ class Expiring(Generic[T]):
 
 
 class UnnamedError(ValueError):
-    """A message that does not name the crank of the linkage; it may be for another linkage."""
+    """The message does not name the crank of the linkage; it may be for another linkage."""
 
 
 class Input:
@@ -159,7 +159,7 @@ class Input:
 
 
 class StaleError(ValueError):
-    """A message that is not newer than one that was accepted, so that it changes nothing."""
+    """The message is not newer than the last accepted one, so that it changes nothing."""
 
 
 class Received(NamedTuple):

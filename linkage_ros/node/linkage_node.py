@@ -237,12 +237,12 @@ class LinkageNode(ParameterNode):
     def _each(
         self, stamp: int, names: Iterable[str], do: Callable[[MovingLinkage], _T]
     ) -> dict[str, _T]:
-        """Does something with each moving linkage; an error of one ends its motion alone.
+        """Calls a function with moving linkages; an error of one ends only its own motion.
 
         Args:
             stamp: Stamp of the current state, ns.
-            names: Names of linkages.
-            do: What to do.
+            names: Names of linkages; those whose motion has ended are left out.
+            do: The function.
 
         Returns:
             The results by linkage.
@@ -305,7 +305,8 @@ class LinkageNode(ParameterNode):
     def _answer(self, received: Received) -> None:
         """Publishes the state of a measurement; runs in the ticker's thread."""
         stamp, _ = next(iter(received.values.values()))
-        under = self._each(stamp, self._moving, lambda x: x.conditions(stamp))
+        # Of all, because a force acts from the next state on, even if that lacks its linkage.
+        under = {name: linkage.conditions(stamp) for name, linkage in self._moving.items()}
         found = dict[str, Moment]()
         for name, (_, coordinates) in received.values.items():
             if name in self._moving:
@@ -332,11 +333,9 @@ class LinkageNode(ParameterNode):
         parts = self._each(stamp, found, lambda x: x.part(*found[x.name]))
         if not parts:
             return
-        held, names = self._held.values, tuple(parts)
-        numbers = self._robot.row(parts, held)
-        for name, part in parts.items():
-            if part.effort is not None:
-                held[name] = part.effort
+        names = tuple(parts)
+        numbers = self._robot.row(parts, self._held.values)
+        self._held.hold(parts)
         templates = self._robot.templates.of(names)
         messages = templates.pack(stamp, numbers)
         now = time.time_ns()
@@ -346,8 +345,8 @@ class LinkageNode(ParameterNode):
                 state.publisher.publish(messages[place])
         self._outputs.log_state(LoggedState(now, messages, names))
         self._torque.renew(names)
-        states = {name: self._linkages[name].state for name in names}
-        self._outputs.show(stamp, {name: state for name, state in states.items() if state})
+        states = {name: one for name in names if (one := self._linkages[name].state)}
+        self._outputs.show(stamp, states)
 
     def _publish_trajectory(self, stamp: int) -> None:
         """Publishes the trajectory ahead of a stamp, if one is due."""

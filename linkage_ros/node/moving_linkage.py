@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""One linkage of a live run: its motion, its last state, and what is set while it runs."""
+"""One linkage of a live run: its motion, its last state, and values set while it runs."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress

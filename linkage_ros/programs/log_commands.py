@@ -22,7 +22,7 @@ from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.topics import prefix_of
 from linkage_ros.motion.segments import Segment
 from linkage_ros.quantities import counted
-from linkage_ros.settings.notes import notes, notes_on
+from linkage_ros.settings.notes import notes
 from linkage_ros.settings.summary import summary
 from linkage_ros.units import NS_PER_S, JointUnits
 
@@ -50,11 +50,9 @@ def info(log: LogReader) -> Iterator[str]:
     for linkage in log.configuration.linkages:
         solver = Solver(linkage.mechanism)
         yield f'mechanism:  {prefix_of(linkage.name, ": ")}{summary(linkage, solver)}'
-        yield from (
-            f'note:       {prefix_of(linkage.name, ": ")}{line}' for line in notes_on(linkage)
-        )
         if solver.mobility:
             yield from (f'            {words}' for words in solver.mobility.equalities)
+    yield from (f'note:       {line}' for line in notes(log.configuration))
     yield 'topics:'
     width = min(max((len(topic.name) for topic in log.topics), default=0), _MAX_WIDTH)
     for name, count, kind, role in ((t.name, t.messages, t.type, t.role) for t in log.topics):
@@ -62,11 +60,8 @@ def info(log: LogReader) -> Iterator[str]:
         yield f'  {name:{width}}  {count:9d}  {kind}{renamed}'
     yield 'motion:'
     yield from (f'  {_time(stamp)}: {words}' for stamp, words in _motions(log))
-    if log.torque_ends:
-        causes = Counter(
-            f'{prefix_of(end.linkage, ": ")}{printable(end.cause)}' for end in log.torque_ends
-        )
-        counts = ', '.join(f'{cause} ({count} x)' for cause, count in causes.items())
+    if causes := _causes_of_zeros(log):
+        counts = ', '.join(f'{printable(cause)} ({count} x)' for cause, count in causes.items())
         yield f'torque ended with 0: {counts}'
     yield 'configuration:'
     values = log.configuration.parameters()
@@ -95,7 +90,7 @@ def info_as_json(log: LogReader) -> dict[str, Any]:
             for x in log.topics
         ],
         'motion': [{'start': stamp / NS_PER_S, 'words': words} for stamp, words in _motions(log)],
-        'torque_ends': Counter(end.cause for end in log.torque_ends),
+        'torque_ends': _causes_of_zeros(log),
         'configuration': log.configuration.parameters(),
     }
 
@@ -108,6 +103,11 @@ def _motions(log: LogReader) -> Iterator[tuple[int, str]]:
             yield segment.stamp, f'{prefix_of(linkage.name, ": ")}{_motion(segment, joint)}'
         if end := log.linkage_ends.get(linkage.name):
             yield end.stamp, f'{linkage.name} ends: {printable(end.cause)}'
+
+
+def _causes_of_zeros(log: LogReader) -> Counter[str]:
+    """Returns how often torques ended, by the linkage, if it was one of several, and the cause."""
+    return Counter(f'{prefix_of(end.linkage, ": ")}{end.cause}' for end in log.torque_ends)
 
 
 def _motion(segment: Segment, units: JointUnits) -> str:

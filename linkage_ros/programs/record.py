@@ -31,7 +31,7 @@ from linkage_ros.messages.topics import MEASURED_JOINT_STATES, prefix_of, qualif
 from linkage_ros.motion.steps import record_steps
 from linkage_ros.quantities import Quantity, counted, leaves
 from linkage_ros.run.batches import Batch, LinkageStates, batches
-from linkage_ros.run.measured import MeasuredStates
+from linkage_ros.run.measured import MeasuredRun
 from linkage_ros.run.robot import Robot
 from linkage_ros.settings.configuration import (
     Configuration,
@@ -222,7 +222,7 @@ def record_measured(
         raise LogError(f'{path} is the bag itself: choose another name')
     if live := [topic.name for topics in robot.live_forces().values() for topic in topics]:
         note(f'forces on {", ".join(live)} are not read from a recording: the constant force acts')
-    states, written = MeasuredStates(robot, robot.inputs()[MEASURED_JOINT_STATES]), 0
+    run, written = MeasuredRun(robot, robot.inputs()[MEASURED_JOINT_STATES]), 0
     with (
         LogWriter(path, configuration, overwrite=overwrite) as log,
         cli.progress_bar(total=source.size, wanted=progress, unit='B', unit_scale=True) as bar,
@@ -234,7 +234,7 @@ def record_measured(
                 if not log.mcap.statistics.message_count:
                     describe(batch[0][1])
                 log.write_messages((number, time, data) for _, time, data in batch)
-                for found in states.answers((time, data) for _, time, data in batch):
+                for found in run.answers((time, data) for _, time, data in batch):
                     log.write_states(found.times, found.stamps, found.numbers, found.linkages)
                     written += len(found.stamps)
                 if stopped():
@@ -242,7 +242,7 @@ def record_measured(
         except LogError as error:
             kept = f'{path} keeps the {counted(written, "state")} before it'
             raise LogError(f'{error}; {kept}') from error
-    return Answered(written, states.rejected())
+    return Answered(written, run.rejected())
 
 
 def _source(

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -164,12 +164,9 @@ def motions_in(robot: Robot, samples: Sequence[tuple[int, bytes]]) -> 'dict[str,
             motion = stamps + np.array(shifts), *_motion_in(robot.simulators[name], part)
             found.setdefault(name, []).append(motion)
     return {
-        name: (
-            np.concatenate([x[0] for x in motions]), np.concatenate([x[1] for x in motions]),
-            np.concatenate([x[2] for x in motions]), np.concatenate([x[3] for x in motions]),
-        )
+        name: cast('LinkMotion', tuple(map(np.concatenate, zip(*motions, strict=True))))
         for name, motions in found.items()
-    }  # fmt: skip
+    }
 
 
 def _linkages_in(robot: Robot, message: bytes) -> tuple[str, ...]:

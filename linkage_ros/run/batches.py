@@ -129,7 +129,7 @@ class LinkageStates:
 def batches(
     robot: Robot, linkages: Sequence[LinkageStates], count: int | None, turns: int
 ) -> Iterator[Batch]:
-    """Yields the states of a run in batches; a linkage whose motion ends leaves the others alone.
+    """Yields the states of a run in batches; the end of one motion does not affect the others.
 
     Args:
         robot: The linkages of the run.

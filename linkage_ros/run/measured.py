@@ -5,6 +5,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 from linkage_ros.errors import LinkageError
@@ -23,22 +24,24 @@ class Measurement(NamedTuple):
         time: Time of receipt, ns.
         stamp: Stamp of the message, ns; 0 if no linkage accepts the message.
         coordinates: Coordinates of each linkage that accepts it, by name.
-        linkages: Names of the linkages that accept it, and of those whose efforts it ends.
+        linkages: Names of these linkages.
+        ended: Names of the linkages whose efforts it ends, because they reject it.
     """
 
     time: int
     stamp: int
     coordinates: dict[str, Coordinates]
-    linkages: tuple[tuple[str, ...], tuple[str, ...]]
+    linkages: tuple[str, ...]
+    ended: tuple[str, ...]
 
 
 def measurement_of(time: int, received: Received) -> Measurement:
-    """Returns a measurement, given its time of receipt, ns, and what was read."""
+    """Returns a measurement, given its time of receipt, ns, and its contents."""
     values, refused = received
     stamp, _ = next(iter(values.values()), (0, None))
     ended = received.invalid if refused else ()
     found = {name: pair[1] for name, pair in values.items()}
-    return Measurement(time, stamp, found, (tuple(values), ended))
+    return Measurement(time, stamp, found, tuple(values), ended)
 
 
 class Answers(NamedTuple):
@@ -71,8 +74,8 @@ class _Saved(NamedTuple):
     efforts: dict[str, float]
 
 
-class MeasuredStates:
-    """Answers messages, with the same results as `SharedInput.read` for each of them.
+class MeasuredRun:
+    """Answers messages with states, with the same results as `SharedInput.read` for each of them.
 
     Attributes:
         cranks: Reader of the measurements.
@@ -114,7 +117,7 @@ class MeasuredStates:
             return [*self._answers(messages, MeasuredCrank.read)]
 
     def _saved(self) -> _Saved:
-        """Returns what a message changes, for `_restore`."""
+        """Returns the state that messages change, for `_restore`."""
         cranks = self._sources.items()
         return _Saved(
             {name: crank.tracked() for name, crank in cranks},
@@ -123,7 +126,7 @@ class MeasuredStates:
         )
 
     def _restore(self, before: _Saved) -> None:
-        """Sets filters, counts and efforts to what they were."""
+        """Restores filters, counts and efforts."""
         for name, crank in self._sources.items():
             crank.take_back(before.filters[name])
             crank.rejected = before.rejected[name]
@@ -135,7 +138,7 @@ class MeasuredStates:
         read: Callable[[MeasuredCrank, bytes, int], tuple[int, Coordinates]],
     ) -> Iterator[Answers]:
         heard = self._heard(messages, read)
-        for (names, ended), group in groupby(heard, lambda one: one.linkages):
+        for (names, ended), group in groupby(heard, attrgetter('linkages', 'ended')):
             found = [*group]
             self._held.end(ended)
             if not names:

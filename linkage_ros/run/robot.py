@@ -52,7 +52,11 @@ class Robot:
         topic = self.drive.effort_command_topic
         self.templates = RunTemplates(numbers, session.frame_id, topic)
         self.ticks = TickRate(session.rate_hz)
-        self.live_forces()
+        topics = [topic.name for forces in self.live_forces().values() for topic in forces]
+        if twice := next((name for name in topics if topics.count(name) > 1), ''):
+            raise ConfigurationError(
+                f'wrench_topic = {shown(twice)}: two loads have it; give each its own'
+            )
 
     def descriptions(self) -> dict[Topic, bytes]:
         """Returns the CDR bytes of the robot_description messages that are published, by topic."""
@@ -72,22 +76,8 @@ class Robot:
         }
 
     def live_forces(self) -> dict[str, dict[Topic, LiveForce]]:
-        """Returns the topics of live loads, with new readers of their messages, by linkage.
-
-        Raises:
-            ConfigurationError: Two loads have the same topic.
-        """
-        found, taken = dict[str, dict[Topic, LiveForce]](), set[str]()
-        for name, simulator in self.simulators.items():
-            found[name] = simulator.live_forces()
-            for topic in found[name]:
-                if topic.name in taken:
-                    raise ConfigurationError(
-                        f'wrench_topic = {shown(topic.name)}: loads of two linkages have it; give '
-                        'each its own'
-                    )
-                taken.add(topic.name)
-        return found
+        """Returns the topics of live loads, with new readers of their messages, by linkage."""
+        return {name: simulator.live_forces() for name, simulator in self.simulators.items()}
 
     def row(
         self, parts: Mapping[str, RowPart], held: Mapping[str, Real] | None = None
@@ -120,8 +110,8 @@ class HeldEfforts:
         """Sets efforts to 0."""
         self.values |= dict.fromkeys(names, 0.0)
 
-    def hold(self, parts: Mapping[str, RowPart]) -> None:
-        """Keeps the efforts of states, of which the last ones count, by linkage."""
-        for name, part in parts.items():
-            if part.effort is not None:
-                self.values[name] = float(np.ravel(part.effort)[-1])
+    def hold(self, parts: Mapping[str, RowPart], row: int = -1) -> None:
+        """Keeps the efforts of a state or, of many states, those of one; by default the last."""
+        for name, (_, effort) in parts.items():
+            if effort is not None:
+                self.values[name] = effort[row] if isinstance(effort, np.ndarray) else effort

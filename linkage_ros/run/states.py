@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.errors import ConfigurationError, LinkageError
+from linkage_ros.errors import LinkageError
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.loads.force import Force
@@ -27,7 +27,6 @@ from linkage_ros.motion.inputs import Input
 from linkage_ros.motion.live_force import LiveForce
 from linkage_ros.motion.segments import Coordinates, Motion
 from linkage_ros.motion.steps import Integrate, live_steps
-from linkage_ros.quantities import shown
 from linkage_ros.run.ticks import TickRate
 from linkage_ros.settings.configuration import Linkage
 from linkage_ros.units import NS_PER_S
@@ -124,22 +123,13 @@ class Simulator:
         return self.linkage.drive.inputs(self.machine)
 
     def live_forces(self) -> dict[Topic, LiveForce]:
-        """Returns the topics of live loads, with new readers of their messages.
-
-        Raises:
-            ConfigurationError: Two loads have the same topic.
-        """
+        """Returns the topics of live loads, with new readers of their messages."""
         session, loads = self.linkage.session, self.linkage.mechanism.loads
         found = [
             LiveForce(load, session.joint_prefix, session.frame_id, self.name)
             for load in loads
             if isinstance(load, Force) and load.wrench_topic
         ]
-        names = [force.topic.name for force in found]
-        if twice := next((name for name in names if names.count(name) > 1), ''):
-            raise ConfigurationError(
-                f'wrench_topic = {shown(twice)}: two loads have it; give each its own'
-            )
         return {force.topic: force for force in found}
 
     def prepare_live(self) -> None:

@@ -62,10 +62,10 @@ class TrajectoryAhead:
         """
         cranks = self._cranks.items()
         is_new = [crank.differs(motions.get(name)) for name, crank in cranks]
-        has_others = stamp >= self._due and any(
-            crank.is_under_others(motions.get(name)) for name, crank in cranks
+        are_outdated = stamp >= self._due and any(
+            crank.has_other_conditions(motions.get(name)) for name, crank in cranks
         )
-        if any(is_new) or has_others or stamp >= self._next:
+        if any(is_new) or are_outdated or stamp >= self._next:
             self._points.clear()
             for name, crank in cranks:
                 crank.take(motions.get(name))
@@ -118,7 +118,7 @@ class _Crank:
         """Returns whether the points belong to another segment."""
         return self._segment is not (motion.segment if motion else None)
 
-    def is_under_others(self, motion: Motion | None) -> bool:
+    def has_other_conditions(self, motion: Motion | None) -> bool:
         """Returns whether the points were computed under other conditions."""
         return motion is not None and motion.conditions != self._under
 

@@ -154,7 +154,7 @@ class MeasuredCrank(Input):
         return self._motion.tracked, self._frame.tracked if self._frame else None
 
     def take_back(self, before: tuple[Tracked, Tracked | None]) -> None:
-        """Sets the filters to what they were before measurements that have no state."""
+        """Restores the filters to their state before measurements that are rejected."""
         self._motion.tracked, frame = before
         if self._frame and frame:
             self._frame.tracked = frame
@@ -209,9 +209,8 @@ class MeasuredCrank(Input):
         """Reads a joint from a message.
 
         Raises:
-            UnnamedError: The message has no position of the joint, or is no JointState.
-            DoubtfulJointError: The message must be rejected; as every error text, this is the
-                cause.
+            UnnamedError: The message has no position of the joint, or is not a JointState.
+            DoubtfulJointError: The message must be rejected.
         """
         try:
             stamp, value, velocity = reader.read(data)
