@@ -6,8 +6,6 @@ The modules in `charts` implement its commands.
 """
 
 import argparse
-import atexit
-import gc
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -223,18 +221,13 @@ def _parser() -> argparse.ArgumentParser:
 def _run(options: argparse.Namespace) -> None:
     """Imports the module of a command and runs it."""
     name = f'linkage_lab.charts.{options.command}'
-    if name not in sys.modules:
-        gc.disable()  # imports leave no garbage, and take an eighth longer with its collection
-        import_module(name)
-        gc.freeze()
-        gc.enable()
+    run = getattr(import_module(name), options.command)
     with cli.working(f'{_NAME} {options.command}'):
-        getattr(sys.modules[name], options.command)(options)
+        run(options)
 
 
 def main() -> int:
     """Runs `linkage_chart`; returns the exit code."""
-    atexit.register(gc.freeze)  # the end of a process looks for garbage among all of Matplotlib
     options = _parser().parse_args()
     return cli.run(_NAME, lambda: options.run(options))
 
