@@ -178,7 +178,7 @@ def test_the_spring_of_a_suspension(machine):
     solver = Solver(configuration.mechanism)
     period = law_period(solver, configuration.drive)
     columns = {name: column.values for name, column in period.columns.items()}
-    angle, step = columns['swingarm.position'], 1e-6
+    angle, step = columns['swingarm.direction'], 1e-6
 
     def length(angle):
         pin = abs(-150 + 20j) * np.exp(1j * angle)
@@ -187,7 +187,7 @@ def test_the_spring_of_a_suspension(machine):
         return abs(110 + 215j - e) / 1000
 
     leverage = (length(angle + step) - length(angle - step)) / (2 * step)
-    rate = leverage * columns['swingarm.velocity']
+    rate = leverage * columns['swingarm.angular_velocity']
     assert np.allclose(columns['spring.length'], length(angle), rtol=1e-12)
     assert np.allclose(columns['spring.leverage'], leverage, rtol=1e-8)
     assert np.allclose(columns['spring.length_rate'], rate, rtol=0, atol=1e-9)

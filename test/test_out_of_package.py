@@ -212,7 +212,7 @@ def test_the_chart_of_the_motion_has_the_torque_of_the_load(folder):
         rows = list(csv.DictReader(stream))
     assert len(rows) > 700
     for row in rows[::90]:
-        exact = textbook(float(row['crank.position [rad]']), SPEED, 0)[1]
+        exact = textbook(float(row['crank.direction [rad]']), SPEED, 0)[1]
         assert abs(float(row['driving_torque [N m]']) - exact) < 3e-13
 
 
@@ -268,7 +268,7 @@ def test_a_kind_of_load_works_in_every_program(tmp_path):
         with (tmp_path / f'{name}_motion.csv').open() as stream:
             tables.append({row['crank_angle [rad]']: row for row in csv.DictReader(stream)})
     for angle, row in tables[0].items():
-        rate = float(row['rocker.velocity [rad/s]'])
+        rate = float(row['rocker.angular_velocity [rad/s]'])
         bare = float(tables[1][angle]['driving_power [W]'])
         assert float(row['driving_power [W]']) - bare == pytest.approx(
             0.4 * abs(rate) ** 3, abs=1e-11

@@ -116,7 +116,7 @@ def _samples(period: Period, count: int) -> Array:
 def _quantities(period: Period) -> list[_Quantity]:
     """Lists what the page shows: driven link, output link, torque and loads."""
     columns, output, driven = period.columns, period.solver.output, period.driven.name
-    is_law, speed = period.across is OVER_TIME, columns[f'{driven}.velocity']
+    is_law, speed = period.across is OVER_TIME, period.motion(driven, 'velocity')
     is_uneven = bool(np.ptp(speed.values) > 0)
     effort, colors = period.effort.replace('_', ' ').capitalize(), period.colors
     if period.driven.slides:
@@ -131,12 +131,13 @@ def _quantities(period: Period) -> list[_Quantity]:
             _Quantity('Crank angle', 'deg', colors[driven], np.degrees(period.crank), is_law),
             _Quantity('Crank speed', 'rpm', colors[driven], rpm, is_uneven),
         ]
+    position, velocity = (period.motion(output, word) for word in ('position', 'velocity'))
+    word, color = output.capitalize(), colors[output]
     found += [
-        _quantity(columns[f'{output}.position'], f'{output.capitalize()} position', colors[output],
-                  is_drawn=False),
-        _quantity(columns[f'{output}.velocity'], f'{output.capitalize()} speed', colors[output]),
+        _quantity(position, f'{word} position', color, is_drawn=False),
+        _quantity(velocity, f'{word} speed', color),
         _quantity(columns[period.effort], effort, colors[driven]),
-    ]  # fmt: skip
+    ]
     for name, column in columns.items():
         link, _, kind = name.partition('.')
         if kind == 'load':

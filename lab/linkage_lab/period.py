@@ -45,7 +45,10 @@ if TYPE_CHECKING:
 _NET = 0.01
 _SLOW_RPM, _SLOW, _MARGIN = 1.0, 0.01, 0.01
 _BEFORE = 16  # ulp of the largest time; the time just before a point of a law
-_MOTION = ('position', ''), ('velocity', '/s'), ('acceleration', '/s^2')
+# Names and units of the motion of a link that slides, or of a point, and of a link that turns.
+# Directions are absolute, unlike the positions of joints in messages and logs.
+SLIDING = ('position', 'm'), ('velocity', 'm/s'), ('acceleration', 'm/s^2')
+TURNING = ('direction', 'rad'), ('angular_velocity', 'rad/s'), ('angular_acceleration', 'rad/s^2')
 
 
 class Extent(NamedTuple):
@@ -91,7 +94,7 @@ class Period:
         speed: Mean speed of the driven joint, rad/s or m/s; along a law, its mean magnitude.
         mean_power: Mean driving power over time, W.
         colors: Colours of the links by name.
-        columns: Quantities by name, such as 'coupler.position'; angles are unwrapped.
+        columns: Quantities by name, such as 'coupler.direction'; angles are unwrapped.
         gaps: Whether a column of forces has no value at each crank angle, by name; see
             `around_gaps`.
     """
@@ -128,14 +131,14 @@ class Period:
         if not self.driven.slides:
             self.add('crank_angle', 'rad', crank)
         for i, link in enumerate(links.values()):
-            for (name, per), rows in zip(_MOTION, state, strict=False):
-                is_angle = name == 'position' and not link.slides
-                values = np.unwrap(rows[i]) if is_angle else rows[i]
-                self.add(f'{link.name}.{name}', ('m' if link.slides else 'rad') + per, values)
+            names = SLIDING if link.slides else TURNING
+            for (name, unit), rows in zip(names, state, strict=False):
+                values = np.unwrap(rows[i]) if name == 'direction' else rows[i]
+                self.add(f'{link.name}.{name}', unit, values)
         self.columns |= efforts
         for point in solver.structure.traced:
-            for (name, per), vector in zip(_MOTION, solver.point(state, point), strict=True):
-                self.add(f'{point}.{name}', 'm' + per, vector)
+            for (name, unit), vector in zip(SLIDING, solver.point(state, point), strict=True):
+                self.add(f'{point}.{name}', unit, vector)
         for name in self.springs:
             spring = solver.spring(state, name)
             self.add(f'{name}.length', 'm', spring.length)
@@ -177,20 +180,30 @@ class Period:
 
     def rows(self, quantity: str) -> Array:
         """Returns 'position', 'velocity' or 'acceleration' of all links, shape (n, links)."""
-        columns = (self.columns[f'{link}.{quantity}'].values for link in self.solver.links)
+        columns = (self.motion(link, quantity).values for link in self.solver.links)
         return np.stack([*columns], axis=-1)
+
+    def motion(self, link: str, quantity: str) -> Column:
+        """Returns 'position', 'velocity' or 'acceleration' of a link."""
+        return self.columns[self.motion_column(link, quantity)]
+
+    def motion_column(self, link: str, quantity: str) -> str:
+        """Returns the name of the column of 'position', 'velocity' or 'acceleration' of a link."""
+        slides = self.solver.structure.links[self.solver.links.index(link)].slides
+        word, _ = (SLIDING if slides else TURNING)[State._fields.index(quantity)]
+        return f'{link}.{word}'
 
     @property
     def crank_angles(self) -> Array:
         """The crank angles, unwrapped, rad."""
-        return self.columns[f'{self.solver.links[0]}.position'].values
+        return self.motion(self.solver.links[0], 'position').values
 
     @property
     def time(self) -> Array:
         """Time from the first crank angle to each crank angle, in either direction, s."""
         if self.across is OVER_TIME:
             return self.x
-        speed = np.abs(self.columns[f'{self.driven.name}.velocity'].values)
+        speed = np.abs(self.motion(self.driven.name, 'velocity').values)
         steps = 2 * np.diff(self.crank) / (speed[1:] + speed[:-1])
         return np.concatenate([[0.0], np.cumsum(steps)])
 
@@ -433,7 +446,7 @@ def _ranges(period: Period) -> list[str]:
     """Describes the ranges of the driven link and of the output link."""
     words = []
     for name in (period.driven.name, period.solver.output):
-        unit, values = period.columns[f'{name}.position']
+        unit, values = period.motion(name, 'position')
         low, high = float(values.min()), float(values.max())
         if unit == 'rad':
             unit, low, high = 'deg', math.degrees(low), math.degrees(high)
@@ -685,8 +698,8 @@ def stepped(period: Period, step: float, *, reactions: bool = False) -> dict[str
     Raises:
         ConfigurationError: The crank has no constant speed.
     """
-    crank = period.solver.links[0]
-    given = [period.columns[f'{crank}.{name}'].values for name in ('velocity', 'acceleration')]
+    driven = period.driven.name
+    given = [period.motion(driven, name).values for name in ('velocity', 'acceleration')]
     if period.across is not OVER_CRANK or any(np.ptp(values) for values in given):
         raise ConfigurationError(
             '--csv is for a crank at a given speed: leave it out, or give --rpm if the crank has '
@@ -699,7 +712,7 @@ def stepped(period: Period, step: float, *, reactions: bool = False) -> dict[str
     table = _at_speed(solver, crank, speed, acceleration, reactions=reactions)
     columns = {'crank_angle': Column('deg', degrees)}
     for name, (unit, values) in table.with_gaps().items():
-        if name in {'crank_angle', f'{crank}.position'}:
+        if name == 'crank_angle':
             continue
         if unit == 'rad':  # continuous, although the steps may be large
             near = np.interp(crank, period.crank, period.columns[name].values)

@@ -32,6 +32,8 @@ from linkage_lab.charts.linkage_picture import LinkagePicture
 from linkage_lab.charts.motion import DESIGN_COLORS, _driven_by_loads
 from linkage_lab.command_line import QUANTITIES
 from linkage_lab.period import (
+    SLIDING,
+    TURNING,
     extent,
     mean,
     period_to_show,
@@ -114,13 +116,12 @@ def test_csv_equals_solver_to_the_last_bit(drawn, preset):
     assert np.array_equal(columns['driving_torque [N m]'], state.torque)
     assert np.array_equal(columns['driving_power [W]'], state.torque * (3 * math.pi))
     for link, name in enumerate(solver.links):
-        unit = 'm' if name == 'slider' else 'rad'
-        turned = columns[f'{name}.position [{unit}]'] - state.position[link]
+        names = SLIDING if name == 'slider' else TURNING
+        place, rate, change = (columns[f'{name}.{word} [{unit}]'] for word, unit in names)
+        turned = place - state.position[link]
         assert np.allclose(turned, 2 * math.pi * np.rint(turned / (2 * math.pi)), atol=1e-14)
-        assert np.array_equal(columns[f'{name}.velocity [{unit}/s]'], state.velocity[link])
-        assert np.array_equal(
-            columns[f'{name}.acceleration [{unit}/s^2]'], state.acceleration[link]
-        )
+        assert np.array_equal(rate, state.velocity[link])
+        assert np.array_equal(change, state.acceleration[link])
     reactions = solver.reactions(state)
     for pin, force in reactions.pins.items():
         for axis, values in zip('xy', force, strict=True):
@@ -128,10 +129,7 @@ def test_csv_equals_solver_to_the_last_bit(drawn, preset):
     assert np.array_equal(columns['shaking_moment [N m]'], reactions.shaking_moment)
     assert ('slider.guide_force [N]' in columns) == bool(reactions.guides)
     for name in solver.structure.traced:
-        for quantity, unit, vector in zip(
-            ('position', 'velocity', 'acceleration'), ('m', 'm/s', 'm/s^2'),
-            solver.point(state, name), strict=True,
-        ):  # fmt: skip
+        for (quantity, unit), vector in zip(SLIDING, solver.point(state, name), strict=True):
             for axis, values in zip('xy', vector, strict=True):
                 assert np.array_equal(columns[f'{name}.{quantity}.{axis} [{unit}]'], values)
 
@@ -147,8 +145,10 @@ def test_table_with_steps_equals_solver_in_degrees(tmp_path, called, undrawn, pr
     assert 360 - step < degrees[-1] <= 360
     state = solver.state(np.radians(degrees), 3 * math.pi, 2.5)
     assert columns['driving_torque [N m]'] == pytest.approx(state.torque, rel=1e-11)
-    assert columns['coupler.velocity [rad/s]'] == pytest.approx(state.velocity[1], rel=1e-11)
-    turned = np.radians(columns['coupler.position [deg]']) - state.position[1]
+    assert columns['coupler.angular_velocity [rad/s]'] == pytest.approx(
+        state.velocity[1], rel=1e-11
+    )
+    turned = np.radians(columns['coupler.direction [deg]']) - state.position[1]
     assert np.allclose(turned, math.tau * np.rint(turned / math.tau), atol=1e-11)
     for pin in ('A', 'B'):
         for axis, values in zip('xy', solver.point(state, pin).position, strict=True):
@@ -278,7 +278,7 @@ def test_wind_pump_is_drawn_in_its_settled_state(drawn):
     speed, stroke = 2.604, 0.519
     assert f'settled at {speed} rad/s' in drawn['wind_pump'].said[0]
     columns = drawn['wind_pump'].columns
-    crank, rate = columns['crank_angle [rad]'], columns['crank.velocity [rad/s]']
+    crank, rate = columns['crank_angle [rad]'], columns['crank.angular_velocity [rad/s]']
     assert (crank[0], crank[-1], len(crank)) == (0.0, 2 * math.pi, 721)
     assert np.ptp(columns['slider.position [m]']) == pytest.approx(stroke, abs=5e-4)
     # The motor torque, from the balance of all bodies.
@@ -286,10 +286,9 @@ def test_wind_pump_is_drawn_in_its_settled_state(drawn):
     # Rates are derivatives with respect to time along the turn.
     steps = np.diff(elapsed(crank, rate))
     assert 2 * math.pi / steps.sum() == pytest.approx(speed, abs=5e-4)
-    for joint, unit in (('coupler', 'rad'), ('rod', 'rad'), ('slider', 'm')):
-        for low, high in ((f'position [{unit}]', f'velocity [{unit}/s]'),
-                          (f'velocity [{unit}/s]', f'acceleration [{unit}/s^2]')):  # fmt: skip
-            values, slope = columns[f'{joint}.{low}'], columns[f'{joint}.{high}']
+    for joint, names in (('coupler', TURNING), ('rod', TURNING), ('slider', SLIDING)):
+        motion = [columns[f'{joint}.{word} [{unit}]'] for word, unit in names]
+        for values, slope in itertools.pairwise(motion):
             middle = (slope[1:] + slope[:-1]) / 2
             close = {'abs': 1e-4 * np.abs(slope).max()}
             assert np.diff(values) / steps == pytest.approx(middle, **close)
@@ -300,7 +299,7 @@ def test_mean_power_of_a_settled_pump_equals_the_loss_at_its_slider():
     motor = pump.drive.motor
     settled = settle(pump.mechanism, motor.torque, motor.damping, 2.0, lambda items, _: items)
     turn = settled_period(settled)
-    rate, slide = (turn.columns[f'{name}.velocity'].values for name in ('crank', 'slider'))
+    rate, slide = (turn.motion(name, 'velocity').values for name in ('crank', 'slider'))
     time = elapsed(turn.crank, rate)
     taken = trapezoid(60.0 * slide**2, time) / time[-1]
     assert turn.mean_power == pytest.approx(taken, rel=1e-4)
@@ -322,7 +321,7 @@ def test_transmission_ratios_match_document_2_even_at_rest():
     mechanism = load('quadrilateral').mechanism
     columns = speed_driven_period(mechanism, 0.0).columns
     two, three, four = (
-        columns[f'{link}.position'].values for link in ('crank', 'coupler', 'rocker')
+        columns[f'{link}.direction'].values for link in ('crank', 'coupler', 'rocker')
     )
     for link, length, other in (
         ('coupler', mechanism.coupler.length, four),
@@ -361,7 +360,7 @@ def test_sharp_peaks_near_change_points_are_sampled(gap):
     crank, body = Body(0.1), {'mass': 1.0, 'inertia': 0.01}
     coupler, rocker = Coupler(0.2, center=(0.1, 0.0), **body), Body(0.3 + gap, **body)
     period = speed_driven_period(FourBar(Frame(0.4, 0.3), crank, coupler, rocker), 2 * math.pi)
-    found = extent(period.crank, period.columns['coupler.acceleration'].values)
+    found = extent(period.crank, period.columns['coupler.angular_acceleration'].values)
     # To first order in the gap, the acceleration peaks at theta = pi itself.
     at_pi = period.solver.state(0.3 + math.pi, 2 * math.pi)
     assert found.high == pytest.approx(at_pi.acceleration[1], rel=max(1e-3, 10 * gap))
@@ -378,7 +377,7 @@ def test_period_of_two_turns_is_drawn_completely(tmp_path, called):
     assert 'change-point' in out
     columns = table(tmp_path / 'cost_$5_$x{_motion.csv')
     assert columns['crank_angle [rad]'][-1] == 4 * math.pi
-    rocker = columns['rocker.position [rad]']
+    rocker = columns['rocker.direction [rad]']
     assert np.abs(np.diff(rocker)).max() < 0.03
     assert rocker[-1] == pytest.approx(rocker[0], abs=1e-13)
 
@@ -401,7 +400,7 @@ def test_movie_frames_are_evenly_spaced_in_time(tmp_path, monkeypatch, called, p
     assert len(frames) == 10
     assert all(np.abs(one - other).sum() for one, other in itertools.pairwise(frames))
     ((period, samples),) = shown
-    speed = np.abs(period.columns['crank.velocity'].values)
+    speed = np.abs(period.columns['crank.angular_velocity'].values)
     time = elapsed(period.crank, speed)[samples]
     apart, sample = way * np.diff(time), np.diff(period.crank).max() / speed.min()
     assert apart == pytest.approx(apart.mean(), abs=2 * sample)

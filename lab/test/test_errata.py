@@ -193,11 +193,11 @@ def test_command_of_the_page_reproduces_the_figures():
     rate = -0.5 * a * cos / along
     change = -(acceleration * a * cos - 0.25 * a * sin - rate**2 * across) / along
     figures = {
-        'coupler.position': beta,
+        'coupler.direction': beta,
         'slider.position': a * cos + along,
-        'coupler.velocity': rate,
+        'coupler.angular_velocity': rate,
         'slider.velocity': -0.5 * a * sin - across * rate,
-        'coupler.acceleration': change,
+        'coupler.angular_acceleration': change,
         'slider.acceleration': -acceleration * a * sin - 0.25 * a * cos - rate**2 * along
         - across * change,
     }  # fmt: skip

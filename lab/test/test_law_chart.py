@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Charts and movies of cranks that follow a law of motion, or that cannot turn fully."""
 
+import itertools
 import json
 import math
 import re
@@ -14,7 +15,7 @@ from test_chart import table
 
 from linkage_lab import command_line
 from linkage_lab.charts import movie
-from linkage_lab.period import law_period
+from linkage_lab.period import TURNING, law_period
 from linkage_ros import Solver, load
 from linkage_ros.settings.configuration import configure
 
@@ -59,18 +60,16 @@ def test_a_law_is_charted_over_time(tmp_path, called, file, law):
     assert time[0] == 0
     assert end - 2e-9 < time[-1] <= end
     assert np.diff(time).min() > 0
-    state = solver.state(*(columns[f'crank.{x}'] for x in (
-        'position [rad]', 'velocity [rad/s]', 'acceleration [rad/s^2]',
-    )))  # fmt: skip
+    names = [f'crank.{word} [{unit}]' for word, unit in TURNING]
+    state = solver.state(*(columns[name] for name in names))
     assert columns['driving_torque [N m]'] == pytest.approx(state.torque)
     # The rate is the slope of the angle, and the acceleration that of the rate.
-    for whole, part in (('position [rad]', 'velocity [rad/s]'),
-                        ('velocity [rad/s]', 'acceleration [rad/s^2]')):  # fmt: skip
+    for whole, part in itertools.pairwise(names):
         smooth = np.diff(time) > 1e-4
-        steps, means = np.diff(columns[f'crank.{whole}']), columns[f'crank.{part}']
+        steps, means = np.diff(columns[whole]), columns[part]
         means = 0.5 * (means[1:] + means[:-1]) * np.diff(time)
         assert steps[smooth] == pytest.approx(means[smooth], abs=2e-4)
-    low, high = columns['crank.position [rad]'].min(), columns['crank.position [rad]'].max()
+    low, high = columns['crank.direction [rad]'].min(), columns['crank.direction [rad]'].max()
     assert f'crank {math.degrees(low):.4g} to {math.degrees(high):.4g} deg' in out
 
 
@@ -79,7 +78,7 @@ def test_both_sides_of_a_jump_in_acceleration_are_charted(file):
     period = law_period(Solver(design.mechanism), design.drive)
     at = np.flatnonzero(np.diff(period.x) < 1e-9)
     assert period.x[at] == pytest.approx([0.3])
-    jump = np.diff(period.columns['crank.acceleration'].values)[at]
+    jump = np.diff(period.columns['crank.angular_acceleration'].values)[at]
     assert abs(jump) > 10
 
 
@@ -106,7 +105,7 @@ def test_a_limited_crank_without_a_law_is_charted_over_its_arc(tmp_path, called,
     crank = columns['crank_angle [rad]']
     assert crank[0] - low == pytest.approx(0.01 * (high - low))
     assert high - crank[-1] == pytest.approx(0.01 * (high - low))
-    assert set(columns['crank.velocity [rad/s]']) == {math.pi / 30}
+    assert set(columns['crank.angular_velocity [rad/s]']) == {math.pi / 30}
     said = re.search(r'crank (-?[\d.]+) to (-?[\d.]+) deg', out)
     assert [float(x) for x in said.groups()] == pytest.approx(np.degrees(crank[[0, -1]]), rel=2e-4)
 

@@ -47,7 +47,7 @@ def test_sketch_table_and_page_are_shown(thing):
     assert html.unescape(page).lower().startswith('<!doctype html>')
     assert '\n' not in repr(shown)
     if thing is SHOWN['drawing']:
-        assert {f'{link}.position' for link in LINKS} <= table(shown).keys()
+        assert {f'{link}.direction' for link in LINKS} <= table(shown).keys()
 
 
 @pytest.mark.parametrize('preset', ['wiper', 'wind_pump', 'excavator'])
@@ -62,7 +62,8 @@ def test_log_is_shown_as_it_moved(tmp_path, preset):
     (shown,) = (found[name] for name in ('driving_torque', 'driving_force') if name in found)
     assert shown == pytest.approx([effort.min(), effort.max()], rel=1e-3)
     speed = states[f'{driven}.velocity']
-    assert found[f'{driven}.velocity'] == pytest.approx([speed.min(), speed.max()], rel=1e-3)
+    word = 'velocity' if preset == 'excavator' else 'angular_velocity'
+    assert found[f'{driven}.{word}'] == pytest.approx([speed.min(), speed.max()], rel=1e-3)
 
 
 def test_one_of_several_linkages_is_shown(tmp_path):
@@ -74,7 +75,7 @@ def test_one_of_several_linkages_is_shown(tmp_path):
     both, log = configure(values), tmp_path / 'run.mcap'
     record(both, log, duration=0.5)
     for thing in (both, log):
-        speeds = table(show(thing, linkage='right'))['crank.velocity']
+        speeds = table(show(thing, linkage='right'))['crank.angular_velocity']
         assert speeds == pytest.approx([1.5 * np.pi] * 2, rel=1e-3)
         with pytest.raises(LinkageError, match='left, right'):
             show(thing)
@@ -88,7 +89,7 @@ def test_mechanism_without_a_motion_is_shown_without_its_page():
 
 
 def test_speed_is_that_of_the_call():
-    speeds = table(show(ALL['centric'], rpm=30.0))['crank.velocity']
+    speeds = table(show(ALL['centric'], rpm=30.0))['crank.angular_velocity']
     assert speeds == pytest.approx([np.pi, np.pi], rel=1e-3)
 
 

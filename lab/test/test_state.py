@@ -11,6 +11,7 @@ from pages import page_files, read
 
 from linkage_lab import command_line
 from linkage_lab.charts.state import assemblies, snapshots
+from linkage_lab.period import SLIDING, TURNING
 from linkage_ros import Solver, UnreachableError
 from linkage_ros.settings.configuration import configure, load
 
@@ -36,7 +37,7 @@ def test_both_assemblies_of_a_textbook_four_bar():
     found, notes = at(NORTON, 30.0)
     links = 'coupler', 'rocker'
     angles = {
-        one.assembly: [math.degrees(one.values[f'{x}.position'].value) for x in links]
+        one.assembly: [math.degrees(one.values[f'{x}.direction'].value) for x in links]
         for one in found
     }
     assert angles['open'] == pytest.approx([88.84, 117.29], abs=0.01)
@@ -53,14 +54,17 @@ def test_values_are_those_of_the_solver(preset):
     state = solver.state(place, 1.5, 0.5)
     forces = solver.reactions(state)
     values = {name: value.value for name, value in found[0].values.items()}
-    for link in solver.links:
-        assert values[f'{link}.acceleration'] == state[link].acceleration
+    for link in solver.structure.links:
+        (word, _) = (SLIDING if link.slides else TURNING)[2]
+        assert values[f'{link.name}.{word}'] == state[link.name].acceleration
     effort = 'force' if solver.structure.driven_link.slides else 'torque'
     assert values[f'driving_{effort}'] == state.torque
     for pin, force in forces.pins.items():
         assert (values[f'pin_{pin}.x'], values[f'pin_{pin}.y']) == tuple(force)
     # Each combination of assemblies is another position.
-    loops = {tuple(one.values[f'{x}.position'].value for x in solver.links) for one in found}
+    words = 'position', 'direction'
+    loops = {tuple(x.value for name, x in one.values.items() if name.endswith(words))
+             for one in found}  # fmt: skip
     assert len(loops) == len(found) == {'watt': 4, 'shaper': 2, 'compressor': 2}.get(preset, 2)
 
 
@@ -79,7 +83,7 @@ def test_infinite_forces_at_a_change_point_leave_the_motion():
     assert [one.assembly for one in found] == ['open', 'crossed']
     assert not notes
     for one in found:
-        assert one.values['rocker.velocity'].value
+        assert one.values['rocker.angular_velocity'].value
         assert {*one.missing} == {'driving', 'joint'}
         assert 'driving_torque' not in one.values
     (near, _), _ = at(CHANGE_POINT, 90.0)
@@ -101,7 +105,7 @@ def test_csv_has_a_row_for_each_assembly(tmp_path, monkeypatch, capsys):
     assert command_line.main() == 0
     with out.open(newline='') as stream:
         rows = [*csv.DictReader(stream)]
-    assert {float(row['crank.position [rad]']) for row in rows} == {math.radians(85.0)}
+    assert {float(row['crank.direction [rad]']) for row in rows} == {math.radians(85.0)}
     assert capsys.readouterr().out.count('driving_torque') == len(rows) == 4
 
 

@@ -112,7 +112,7 @@ def test_interrupted_film_leaves_nothing(called, monkeypatch):
     ('module', 'line', 'start'),
     [
         (log_tool, 'csv run.mcap -', 't [s],crank.position'),
-        (command_line, 'state wiper --csv -', 'assembly,crank.position [rad]'),
+        (command_line, 'state wiper --csv -', 'assembly,crank.direction [rad]'),
         (export, 'urdf wiper -', '<?xml'),
         (export, 'mjcf wiper -', '<mujoco'),
         (import_tool, f'{LEG} --crank knee_motor --close rod_tip shank_pin -o -', '# Written'),
@@ -154,7 +154,7 @@ def test_state_as_json(called):
     found = as_json(called, command_line, 'state wiper --at 85deg')
     assemblies = [one['assembly'] for one in found['assemblies']]
     assert assemblies == ['open', 'crossed']
-    own = found['assemblies'][0]['values']['rocker.position']
+    own = found['assemblies'][0]['values']['rocker.direction']
     assert own['unit'] == 'rad'
     assert f'{own["value"]:.3f}' == '1.561'
 

@@ -166,12 +166,13 @@ def _point_panels(period: Period) -> Iterator[Panel]:
 def _link_panels(period: Period, quantity: str) -> Iterator[Panel]:
     """Yields the diagrams of positions, velocities or accelerations of the links."""
     driven = period.driven.name
-    has_constant_rate = not np.ptp(period.columns[f'{driven}.velocity'].values)
+    has_constant_rate = not np.ptp(period.motion(driven, 'velocity').values)
     # The position of the driven link is the variable of the diagrams, unless that is the time.
     says_nothing = has_constant_rate or quantity == 'position'
     omitted = driven if says_nothing and period.across is not OVER_TIME else None
     shown = [link for link in period.solver.links if link != omitted]
-    yield from _by_unit([_of_link(period, f'{link}.{quantity}', link) for link in shown])
+    columns = {link: period.motion_column(link, quantity) for link in shown}
+    yield from _by_unit([_of_link(period, column, link) for link, column in columns.items()])
 
 
 def _reaction_panels(period: Period) -> Iterator[Panel]:

@@ -168,7 +168,8 @@ def _measures(period: Period) -> dict[str, float | None]:
     solver, columns = period.solver, period.columns
     link, found = solver.structure.links[solver.structure.output_index], period.travel
     way, torque = (
-        extent(period.x, columns[name].values) for name in (f'{link.name}.position', period.effort)
+        extent(period.x, column.values)
+        for column in (period.motion(link.name, 'position'), columns[period.effort])
     )
     ends = found.extremes if found else (way.low, way.high)
     span = ends and ends[1] - ends[0]  # None for a link that turns fully

@@ -15,13 +15,13 @@ from linkage_lab.output import (
     new_file,
     save_csv,
 )
+from linkage_lab.period import SLIDING, TURNING
 from linkage_lab.sampling import without_loads
 from linkage_ros import ConfigurationError, LinkageError, Mechanism, Solver, cli
 from linkage_ros.internals import STANDARD_OUTPUT
 from linkage_ros.quantities import Angle
 
 _MOST, _TRIED = 16, 1024  # assemblies shown, and tried
-_MOTION = ('position', ''), ('velocity', '/s'), ('acceleration', '/s^2')
 _ASSEMBLIES = 'open', 'crossed'
 
 
@@ -42,7 +42,7 @@ class Snapshot(NamedTuple):
 
     Attributes:
         assembly: Names of the assemblies of the loop and of each dyad.
-        values: Quantities by name, such as 'coupler.position'.
+        values: Quantities by name, such as 'coupler.direction'.
         missing: Reason why the driving force ('driving') or the joint forces ('joint') could not
             be computed; empty if all could.
     """
@@ -219,15 +219,14 @@ def _snapshot(
     moving = without_friction.state(*motion)
     values = dict[str, Value]()
     for link in solver.structure.links:
-        unit = 'm' if link.slides else 'rad'
-        for (name, per), value in zip(
-            _MOTION, cast('tuple[float, ...]', moving[link.name]), strict=True
-        ):
-            values[f'{link.name}.{name}'] = Value(unit + per, value)
+        names = SLIDING if link.slides else TURNING
+        numbers = cast('tuple[float, ...]', moving[link.name])
+        for (name, unit), value in zip(names, numbers, strict=True):
+            values[f'{link.name}.{name}'] = Value(unit, value)
     for point in solver.structure.points:
-        for (name, per), vector in zip(_MOTION, solver.point(moving, point), strict=True):
+        for (name, unit), vector in zip(SLIDING, solver.point(moving, point), strict=True):
             for axis, value in zip('xy', vector, strict=True):
-                values[f'{point}.{name}.{axis}'] = Value('m' + per, value)
+                values[f'{point}.{name}.{axis}'] = Value(unit, value)
     driving, no_torque = _if_finite(_driving, solver, motion)
     joints, no_forces = _if_finite(_joints, solver, motion)
     missing = {'driving': no_torque, 'joint': no_forces}
@@ -279,19 +278,21 @@ def _table(one: Snapshot, words: str) -> Iterator[str]:
     """Yields the lines of a table."""
     values = dict(one.values)
     yield f'{one.assembly}: {words}'
-    names = [name.removesuffix('.velocity') for name in values if name.endswith('.velocity')]
     width = 2 + max(12, *(len(name.partition('.')[0]) for name in values))
     yield f'  {"link":<{width}}{"position":>16}{"velocity":>18}{"acceleration":>20}'
-    for link in names:
-        cells = [values.pop(f'{link}.{word}') for word, _ in _MOTION]
-        yield _row(link, cells, width, (16, 18, 20))
+    first_words = {names[0][0]: names for names in (SLIDING, TURNING)}
+    for name in one.values:
+        link, _, first_word = name.rpartition('.')
+        if names := first_words.get(first_word):
+            cells = [values.pop(f'{link}.{word}') for word, _ in names]
+            yield _row(link, cells, width, (16, 18, 20))
     heads = 'x', 'y', 'velocity x', 'y', 'acceleration x', 'y'
     widths = 12, 12, 14, 12, 18, 12
     head = ''.join(f'{word:>{size}}' for word, size in zip(heads, widths, strict=True))
     yield f'  {"point":<{width}}{head}   in m and s'
     points = [name.removesuffix('.velocity.x') for name in values if '.velocity.x' in name]
     for point in points:
-        cells = [values.pop(f'{point}.{word}.{axis}') for word, _ in _MOTION for axis in 'xy']
+        cells = [values.pop(f'{point}.{word}.{axis}') for word, _ in SLIDING for axis in 'xy']
         yield _row(point, cells, width, widths, with_units=False)
     for what, start in (('driving', 'driving torque or force'), ('joint', 'joint forces')):
         if what in one.missing:
