@@ -90,7 +90,7 @@ setup(
         ],
         'viewer': [f'rerun-sdk; {has_rerun_wheels}'],
         'record': ['scipy'],
-        'docs': ['furo', 'myst-parser', 'sphinx'],
+        'docs': ['furo', 'myst-parser', 'sphinx', 'sphinx-copybutton'],
         'package': ['twine'],
         'test': [
             'colcon-bash',

@@ -23,7 +23,9 @@ import linkage_ros
 project = 'linkage_ros'
 author = copyright = 'The linkage_ros authors'  # noqa: A001 - a name of Sphinx
 version = release = linkage_ros.__version__
-extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon']
+extensions = [
+    'myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon', 'sphinx_copybutton',
+]  # fmt: skip
 root_doc = 'README'
 include_patterns = ['*.md', 'docs/*.md', 'docs/site/*', 'lab/*.md', 'lab/docs/*.md']
 exclude_patterns = ['.*', 'build', 'demo', 'dist', 'install', 'log', 'site']
@@ -41,28 +43,26 @@ python_use_unqualified_type_names = True
 
 
 class Movies(SphinxDirective):
-    """Shows the movie of every preset."""
+    """Shows a thumbnail of every preset, a link to the page on which it moves."""
 
     def run(self) -> list[nodes.Node]:
-        """Returns a heading and a frame for each movie."""
-        shown: list[nodes.Node] = []
-        for name in linkage_ros.preset_names():
-            section = nodes.section('', nodes.title('', name), ids=[name], names=[name])
-            page = f'../../movies/{name}.html'
-            frame = f'<iframe src="{page}" title="{name}" loading="lazy"></iframe>'
-            section += nodes.raw('', frame, format='html')
-            shown.append(section)
-        return shown
+        """Returns the grid of thumbnails."""
+        cells = [
+            f'<a href="../../movies/{name}.html"><img src="../../movies/{name}_sketch.png" alt="" '
+            f'loading="lazy">{name}</a>'
+            for name in linkage_ros.preset_names()
+        ]
+        return [nodes.raw('', f'<div class="movies">{"".join(cells)}</div>', format='html')]
 
 
 def make_movies(app: Sphinx) -> None:
-    """Writes a movie of every preset into the site."""
+    """Writes a movie of every preset, and its thumbnail, into the site."""
     folder = Path(app.outdir, 'movies')
     folder.mkdir(parents=True, exist_ok=True)
     chart = Path(sys.executable).with_name('linkage_chart')
     for name in linkage_ros.preset_names():
-        words = [chart, 'movie', name, folder / f'{name}.html']
-        subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
+        for words in ('movie', name, folder / f'{name}.html'), ('sketch', name, '--out', folder):
+            subprocess.run([chart, *words, '--overwrite'], check=True, stdout=subprocess.DEVNULL)
 
 
 def add_navigation(_: Sphinx, page: str, source: list[str]) -> None:
