@@ -59,7 +59,7 @@ def make(page: str, folder: Path) -> Iterator[Path]:
     for path in ('config', 'docs'):
         (folder / path).symlink_to(ROOT / path)
     scripts = Path(sysconfig.get_path('scripts'))
-    for words, is_block, _ in commands(text):
+    for words, is_block in commands(text):
         if words[0] in PROGRAMS and (is_block or page == GALLERY):
             print(*words, file=sys.stderr)
             subprocess.run([scripts / words[0], *words[1:]], cwd=folder, check=True)  # noqa: S603

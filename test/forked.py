@@ -29,7 +29,8 @@ _PROCESSES.set_forkserver_preload(
     ]
 )
 _VARIABLES = dict(os.environ)
-_LAB = {'chart': 'command_line', 'export': 'export', 'import': 'robots.import_tool'}
+# Modules of linkage_lab by program.
+LAB = {'chart': 'command_line', 'export': 'export', 'import': 'robots.import_tool'}
 
 
 class Forked:
@@ -132,6 +133,6 @@ def _call(program):
     if program.endswith('.py'):
         sys.path.insert(0, str(Path(program).parent))
         return runpy.run_path(program, run_name='__main__') and None
-    if program in _LAB:
-        return import_module(f'linkage_lab.{_LAB[program]}').main()
+    if program in LAB:
+        return import_module(f'linkage_lab.{LAB[program]}').main()
     return getattr(import_module('linkage_ros.executables'), program)()

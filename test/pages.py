@@ -40,12 +40,10 @@ class Command(NamedTuple):
     Attributes:
         words: Words of the command, without leading variables and trailing comments.
         is_block: Whether the command is in a block, to be copied, not within a sentence.
-        near: Context of the command: its block and the adjacent paragraphs, or its paragraph.
     """
 
     words: tuple[str, ...]
     is_block: bool
-    near: str
 
 
 def read(page):
@@ -103,16 +101,14 @@ def commands(text):
     """Returns the command lines in blocks and sentences; a bare name is not a command."""
     found = []
     for match in _BLOCK.finditer(text):
-        before, after = text[: match.start()].rstrip('\n'), text[match.end() :].lstrip('\n')
-        near = '\n'.join((before.rpartition('\n\n')[2], match[0], after.partition('\n\n')[0]))
         lines = textwrap.dedent(match[1] or match[2]).replace('\\\n', ' ').splitlines()
-        found += [(line, True, near) for line in lines]
+        found += [(line, True) for line in lines]
     for paragraph in re.split(r'\n\n|(?<=\|)\n', _BLOCK.sub('', text)):
         spans = re.findall(r'`([^`]+)`', paragraph)
-        found += [(' '.join(span.split()), False, paragraph) for span in spans if ' ' in span]
+        found += [(' '.join(span.split()), False) for span in spans if ' ' in span]
     return [
-        Command(tuple(shlex.split(line[match.start(1) :], comments=True)), is_block, near)
-        for line, is_block, near in found
+        Command(tuple(shlex.split(line[match.start(1) :], comments=True)), is_block)
+        for line, is_block in found
         if (match := _COMMAND.match(line))
     ]
 

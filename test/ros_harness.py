@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import rclpy
-from forked import Forked
+from forked import LAB, Forked
 from joint_codec import JointStateCodec
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
@@ -96,8 +96,39 @@ def environment(domain):
 
 def command(program, *arguments):
     """Returns the command line of a program, to start it as a new Python process."""
-    code = f'import sys; from linkage_ros.executables import {program} as run; sys.exit(run())'
+    place = f'linkage_ros.executables import {program}'
+    if program in LAB:
+        place = f'linkage_lab.{LAB[program]} import main'
+    code = f'import sys; from {place} as run; sys.exit(run())'
     return [sys.executable, '-c', code, *map(str, arguments)]
+
+
+_HIDE = """
+import os
+from importlib.machinery import PathFinder
+
+find_spec, hidden = PathFinder.find_spec, os.environ['HIDDEN_LIBRARIES'].split(',')
+
+
+def find(name, path=None, target=None):
+    return None if name.partition('.')[0] in hidden else find_spec(name, path, target)
+
+
+PathFinder.find_spec = find
+"""
+
+
+def hiding(folder, names):
+    """Returns environment variables that hide libraries from new Python processes.
+
+    Args:
+        folder: A folder for the file that hides them.
+        names: Names of top-level modules.
+    """
+    folder.mkdir(exist_ok=True)
+    (folder / 'sitecustomize.py').write_text(_HIDE)
+    path = os.pathsep.join((str(folder), os.environ.get('PYTHONPATH', '')))
+    return {'PYTHONPATH': path, 'HIDDEN_LIBRARIES': ','.join(names)}
 
 
 def node_arguments(**parameters):

@@ -3,9 +3,11 @@
 """The commands, programs and links of the pages work.
 
 Cheap commands are run as they are written; others are checked by the parser of their executable.
-`ros2` commands are compared with the package; other programs are marked as 'not tested'.
+`ros2` commands are compared with the package; other programs stand in the table of what was not
+tested.
 """
 
+import os
 import re
 from functools import cache
 from importlib import import_module
@@ -26,7 +28,7 @@ from pages import (
     read,
     run_python,
 )
-from ros_harness import finished, stop, wait_for, watched
+from ros_harness import command, finished, hiding, stop, wait_for, watched
 from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
@@ -56,13 +58,26 @@ CHARTS = [
     )
 ]
 CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export', 'linkage_import')
-OTHER_PROGRAMS = ('pip', '.', 'rerun', 'rosbags-convert')
+OTHER_PROGRAMS = ('pip', '.', 'source', 'rerun', 'rosbags-convert')
 # The programs of these pages need a log or a node; other tests run them.
 PYTHON_ELSEWHERE = {
     'docs/mcap.md': 'test/test_foreign_readers.py',
     'lab/docs/mjcf.md': 'lab/test/test_mjcf.py',
 }
 README = read('README.md')
+_ROWS = read('docs/faq.md').partition('## What was not tested\n')[2].splitlines()
+NOT_TESTED = [name for row in _ROWS for name in re.findall('`([^`]+)`', row.partition(' | ')[0])]
+# Modules that a line of a set-up brings, by a word of the line.
+INSTALLED_BY = {
+    './lab': ('matplotlib', 'mpmath', 'scipy'),
+    '.[viewer]': ('rerun', 'rerun_bindings'),
+    'rosdep': ('rclpy', 'rcl_interfaces', 'sensor_msgs', 'std_msgs', 'trajectory_msgs'),
+    'rerun-sdk': ('rerun', 'rerun_bindings'),
+    'matplotlib': ('matplotlib',),
+    'scipy': ('scipy',),
+    'mujoco': ('mujoco',),
+    'distributed': ('dask', 'distributed'),
+}
 DOORS = links(README[README.index('## Start here') : README.index('## Set-up')])
 
 
@@ -116,6 +131,11 @@ def is_known_to_ros2(words):
         case ('launch', 'linkage_ros', file, *rest):
             declared = load_script('reference').launch_arguments(ROOT / 'launch' / file)
             assert {word.partition(':=')[0] for word in rest} <= set(declared), words
+        case ('launch',):
+            pass  # in a sentence
+        case ('topic', 'pub', *_, topic, kind, _):
+            types = {qualified(known): known.interface.name for known in TOPICS}
+            assert kind == types[topic], words
         case ('topic', 'echo' | 'hz', topic):
             assert topic in [qualified(known) for known in TOPICS], words
         case ('param', 'set', '/linkage_node', name, value):
@@ -135,8 +155,8 @@ def knows(script, options=()):
     return wanted <= set(re.findall(r'--[\w-]+', done.stdout))
 
 
-def check_command(words, *, is_block, near):
-    """Checks that a command is valid, or marked as not tested."""
+def check_command(words, *, is_block):
+    """Checks that a command is valid, or in the table of what was not tested."""
     name, *rest = without_ros2_run(words)
     if name.startswith('linkage_'):
         check_executable(name, rest, is_block=is_block)
@@ -146,8 +166,8 @@ def check_command(words, *, is_block, near):
     elif name == 'python':
         assert knows(rest[0], rest), words
     elif name not in OTHER_PROGRAMS and not (name == 'ros2' and is_known_to_ros2(rest)):
-        marked = re.search(r'not\s+tested', near, re.IGNORECASE)
-        assert marked, f'{" ".join(words)}: test it or say so'
+        line = ' '.join(words)
+        assert line.startswith(tuple(NOT_TESTED)), f'{line}: test it or say so in docs/faq.md'
 
 
 @pytest.fixture(autouse=True)
@@ -174,8 +194,8 @@ def write_files(page, folder):
 @pytest.mark.parametrize('page', PAGES)
 def test_commands_are_understood_or_marked_as_not_tried(page, tmp_path):
     write_files(page, tmp_path)
-    for words, is_block, near in commands(read(page)):
-        check_command(words, is_block=is_block, near=near)
+    for words, is_block in commands(read(page)):
+        check_command(words, is_block=is_block)
 
 
 SCRIPTS = [
@@ -198,16 +218,16 @@ def test_every_script_has_help(path):
         ('linkage_node --ros-args -p rmp:=60.0', 'rmp'),
         ('make tea', 'tea'),
         ('python benchmarks/delay.py --fast', '--fast'),
-        ('ros2 bag play run.mcap', 'say so'),
+        ('ros2 doctor', 'say so'),
         ('ros2 run linkage_ros linkage_log check run.mcap', 'invalid choice'),
         ('ros2 launch linkage_ros controller.launch.py speed:=600.0', 'speed'),
         ('ros2 param set /linkage_node rpm fast', 'fast'),
     ],
 )
 def test_wrong_command_is_detected(line, found):
-    ((words, is_block, near),) = commands(f'Type\n\n    {line}    # this\n\nand wait.\n')
+    ((words, is_block),) = commands(f'Type\n\n    {line}    # this\n\nand wait.\n')
     with pytest.raises((AssertionError, SyntaxError, ConfigurationError), match=found):
-        check_command(words, is_block=is_block, near=near)
+        check_command(words, is_block=is_block)
 
 
 # ---------------------------------------------------------------- commands and programs work
@@ -223,6 +243,13 @@ def quick(words):
     if words[:2] == ['linkage_chart', 'sweep']:
         words += ['--workers', '1']
     return [*words, '--rate', '100'] if words[0] == 'linkage_replay' else words
+
+
+def installed_by(words):
+    """Returns the modules that a command of a set-up brings."""
+    if words[0] not in ('pip', 'rosdep'):
+        return set()
+    return {module for word in words for module in INSTALLED_BY.get(word, ())}
 
 
 def run_node(words, folder):
@@ -243,22 +270,32 @@ def run_node(words, folder):
 
 @pytest.fixture(scope='module')
 def run_page(tmp_path_factory):
-    """Runs the cheap commands of a page once; returns their folder and output."""
+    """Runs the cheap commands of a page once; returns their folder and output.
+
+    On a page with a set-up, a command finds only what the lines above it install.
+    """
 
     @cache
     def run(page):
         folder, printed = tmp_path_factory.mktemp('page'), {}
         write_files(page, folder)
-        for line, is_block, _ in commands(read(page)):
+        has_set_up = 'pip install' in read(page)
+        missing = {module for modules in INSTALLED_BY.values() for module in modules}
+        for line, is_block in commands(read(page)):
             words = without_ros2_run(line)
             if not is_block or '[options]' in words:  # '[options]' is a placeholder
                 continue
             (folder / 'shown.rrd').unlink(missing_ok=True)
+            missing -= installed_by(words)
             name, *rest = quick(words)
             if name == 'linkage_node':
                 run_node(rest, folder)
             elif name in CHEAP or words[:2] in CHARTS:
-                done = finished(name.removeprefix('linkage_'), *rest, cwd=folder, stderr=STDOUT)
+                program, options = name.removeprefix('linkage_'), {}
+                if has_set_up:
+                    program = command(program)
+                    options['env'] = os.environ | hiding(folder / 'site', missing)
+                done = finished(program, *rest, cwd=folder, stderr=STDOUT, **options)
                 assert done.returncode == 0, f'{" ".join(words)}: {done.stdout}'
                 printed[words] = done.stdout
         return folder, printed

@@ -2,29 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs real processes with hidden libraries, as on a machine that lacks them."""
 
-import os
 import sys
 
 import pytest
-from ros_harness import assert_refused, command, finished, stop, watched
+from ros_harness import assert_refused, command, finished, hiding, stop, watched
 
 from linkage_ros import cli
 from linkage_ros.programs.record import record
 from linkage_ros.settings.configuration import load
 
-HIDE = """
-import os
-from importlib.machinery import PathFinder
-
-find_spec, hidden = PathFinder.find_spec, os.environ['HIDDEN_LIBRARIES'].split(',')
-
-
-def find(name, path=None, target=None):
-    return None if name.partition('.')[0] in hidden else find_spec(name, path, target)
-
-
-PathFinder.find_spec = find
-"""
 OF_ROS = ('rclpy', 'rcl_interfaces', 'sensor_msgs', 'std_msgs')
 # Packages that pip adds to a machine whose ROS 2 comes from Debian packages.
 OF_PIP = ('mcap', 'lz4', 'zstandard', 'rerun', 'rerun_bindings', 'mpmath')
@@ -33,23 +19,17 @@ OF_PIP = ('mcap', 'lz4', 'zstandard', 'rerun', 'rerun_bindings', 'mpmath')
 @pytest.fixture
 def hide(tmp_path, monkeypatch):
     """Hides libraries from every Python process that the test starts."""
-    folder = tmp_path / 'site'
-    folder.mkdir()
-    (folder / 'sitecustomize.py').write_text(HIDE)
-    path = os.pathsep.join((str(folder), os.environ.get('PYTHONPATH', '')))
-    monkeypatch.setenv('PYTHONPATH', path)
-    return lambda *names: monkeypatch.setenv('HIDDEN_LIBRARIES', ','.join(names))
+
+    def hide(*names):
+        for variable, value in hiding(tmp_path / 'site', names).items():
+            monkeypatch.setenv(variable, value)
+
+    return hide
 
 
 def run(entry, *arguments):
     """Runs an entry point as its console script does."""
-    place = {
-        'chart': 'linkage_lab.command_line import main',
-        'import': 'linkage_lab.robots.import_tool import main',
-    }
-    found = place.get(entry, f'linkage_ros.executables import {entry}')
-    code = f'import sys; from {found} as run; sys.exit(run())'
-    return finished([sys.executable, '-c', code], *arguments)
+    return finished(command(entry), *arguments)
 
 
 def test_solver_needs_numpy_alone(hide):

@@ -9,6 +9,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -419,9 +420,16 @@ def _record(options: argparse.Namespace) -> int:
     duration = count / configuration.session.rate_hz
     words = f'{options.out}: {counted(count, "state")}, {duration:g} s'
     if options.out.is_file():
-        words += f'; linkage_replay {options.out} --viewer web --no-ros shows it'
+        words += '; ' + _next_command(options.out)
     print(words)
     return 0
+
+
+def _next_command(log: Path) -> str:
+    """Names a command that shows a log with what is installed."""
+    if find_spec('rerun') is None:
+        return f'linkage_log csv {log} - prints it; with rerun-sdk, linkage_replay shows it'
+    return f'linkage_replay {log} --viewer web --no-ros shows it'
 
 
 def _record_measured(
