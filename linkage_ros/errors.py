@@ -9,8 +9,8 @@ value, the valid range and a remedy.
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 
-_LONGEST = 600  # largest length of an error message, characters
-_FULL = 480  # length of a message to which no further mistake is added
+_LONGEST = 600  # largest length of an error message, and of a mistake in a list, characters
+MOST_LISTED = 20  # number of mistakes that a message lists; it counts the others
 
 
 def printable(text: str) -> str:
@@ -126,7 +126,8 @@ class ConfigurationError(LinkageError, ValueError):
 
     Attributes:
         mistakes: The messages of all mistakes, if there are several.
-        lines: Lines of a parameter file to write instead, which follow the message; usually empty.
+        lines: Lines that follow the message: the list of several mistakes, or what to write in a
+            parameter file instead; usually empty.
     """
 
     mistakes: tuple[str, ...] = ()
@@ -150,6 +151,21 @@ class Mistakes:
         """Counts further errors, which are not explained; at least two others must be."""
         self._more += number
 
+    def add(self, words: str) -> None:
+        """Collects a mistake that has no error yet."""
+        self._found.append(ConfigurationError(words))
+
+    def add_new(self, error: ConfigurationError) -> None:
+        """Collects the mistakes of an error that are not collected yet."""
+        known = {words for each in self._found for words in each.mistakes or (str(each),)}
+        for words in error.mistakes or (str(error),):
+            if words not in known:
+                self.add(words)
+
+    def __bool__(self) -> bool:
+        """Whether there is a mistake."""
+        return bool(self._found)
+
     def __enter__(self) -> None:
         """Begins a block."""
 
@@ -164,8 +180,8 @@ class Mistakes:
         """Raises the collected errors.
 
         Raises:
-            ConfigurationError: There is an error. If there are several, the message numbers as
-                many as fit into a line.
+            ConfigurationError: There is an error. If there are several, the message lists them,
+                one in a line.
         """
         if len(self._found) == 1:
             raise self._found[0]
@@ -173,15 +189,10 @@ class Mistakes:
             return
         found = tuple(words for error in self._found for words in error.mistakes or (str(error),))
         total = len(found) + self._more
-        text = f'{total} mistakes: '
-        for number, words in enumerate(found, 1):
-            if number > 1 and len(text) + len(words) > _FULL:
-                text += f'and {total + 1 - number} more  '
-                break
-            text += f'({number}) {words}; '
-        else:
-            text += f'and {self._more} more  ' if self._more else ''
-        error = ConfigurationError(text[:-2])
+        error = ConfigurationError(f'{total} mistakes:')
+        listed = [f'({number}) {words}' for number, words in enumerate(found[:MOST_LISTED], 1)]
+        more = total - len(listed)
+        error.lines = '\n'.join([*listed, *([f'and {more} more'] if more else [])])
         error.mistakes = found
         raise error
 
@@ -201,6 +212,7 @@ def in_file(path: str) -> Iterator[None]:
     except ConfigurationError as error:
         found = type(error)(f'{path}: {str(error).removesuffix(error.lines)}')
         found.lines = error.lines
+        found.mistakes = tuple(f'{path}: {words}' for words in error.mistakes)
         raise found from error
 
 

@@ -16,10 +16,10 @@ import functools
 import math
 import re
 import typing
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from numbers import Real
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 from linkage_ros.errors import ConfigurationError, Mistakes, shortened
 
@@ -35,8 +35,20 @@ _DEGREES = re.compile(f'({_DECIMAL})deg')
 _MISSPELT_DEGREES = re.compile(
     rf'\s*({_DECIMAL})\s*(?:deg|degrees?|\N{{DEGREE SIGN}})\s*', re.IGNORECASE
 )
+_WITH_UNIT = re.compile(rf'\s*({_DECIMAL})\s*[a-zA-Z][a-zA-Z0-9/^ ]*')
 _DIGITS = decimal.Context(prec=60)
 _PI = decimal.Decimal('3.14159265358979323846264338327950288419716939937510582097494459')
+
+
+class _Unknown:
+    """The type of `UNKNOWN`."""
+
+    def __repr__(self) -> str:
+        return 'UNKNOWN'
+
+
+# Value of a field that was rejected, in an object in which further mistakes are sought.
+UNKNOWN: Any = _Unknown()
 
 
 class Angle(float):
@@ -106,12 +118,23 @@ class Quantity:
         """
         if type(value) is float and self.kind == 'number' and self.low <= value <= self.high:
             return value + 0.0  # the common case, as in `_number`
+        if value is UNKNOWN:  # rejected before
+            return value
         cleaned = self._read(value)
         if cleaned is None:
+            is_pair = self.kind == 'pair' and not _is_pair_of_numbers(value)
+            wanted = self.wanted if is_pair else self.valid
             raise ConfigurationError(
-                f'{name} = {shown(value)}: must be {self.valid}{self._hint(value)}'
+                f'{name} = {shown(value)}: must be {wanted}{self._hint(value)}'
             )
         return cleaned
+
+    @property
+    def wanted(self) -> str:
+        """The valid values and their meaning in words, for error messages."""
+        if self.kind == 'pair':
+            return f'two numbers, the {self.meaning}{", " * bool(self.unit)}{self.unit}'
+        return f'{self.valid}, the {self.meaning}'
 
     @property
     def _is_angle(self) -> bool:
@@ -123,6 +146,8 @@ class Quantity:
         texts = [x for x in items if isinstance(x, str) and self._number(x) is None]
         if self.kind in {'text', 'names'} and any(isinstance(x, bool) for x in items):
             return '; ROS reads y, n, yes, no, on and off as booleans: choose another name'
+        if self.kind == 'names' and isinstance(value, str):
+            return f'; write [{", ".join(re.findall(r"[^][, ]+", value))}]'
         if self.kind == 'text' and items is value:
             return ', not a list: only one can be given'
         if self.kind == 'choice':
@@ -130,16 +155,22 @@ class Quantity:
         if self.kind not in {'number', 'whole', 'pair', 'list'} or not texts:
             return ''
         text = texts[0]
-        if self.kind == 'number' and (hint := _comma_hint(text)):
+        if (self.kind == 'number' or items is value) and (hint := _comma_hint(text)):
             return hint
         if self.kind in {'pair', 'list'} and text.startswith('['):  # as of `ros2 param set`
             return '; do not mix whole numbers with others: [0.0, -9.81]'
+        return self._hint_on_number(text)
+
+    def _hint_on_number(self, text: str) -> str:
+        """Suggests how to write a text as a number."""
         if re.fullmatch(_DECIMAL, text):
             degrees_too = f'; in degrees, write {text}deg' if self._is_angle else ''
             return f'; write {text} without quotes{degrees_too}'
-        degrees = _MISSPELT_DEGREES.fullmatch(text)
+        degrees, with_unit = _MISSPELT_DEGREES.fullmatch(text), _WITH_UNIT.fullmatch(text)
+        if not self._is_angle and degrees:
+            return '; only angles in rad may be given in degrees'
         if not self._is_angle:
-            return '; only angles in rad may be given in degrees' if degrees else ''
+            return f'; write {with_unit[1]}, without a unit' if with_unit else ''
         if (angle := _radians(text)) is not None:
             return f'; {text} is {angle:g} rad'
         return f'; in degrees, write {degrees[1] if degrees else 85}deg'
@@ -218,6 +249,11 @@ def refuse_angles(name: str, value: object, what: str) -> None:
             )
 
 
+def _is_pair_of_numbers(value: object) -> bool:
+    items = value if isinstance(value, (list, tuple)) else ()
+    return len(items) == 2 and all(isinstance(x, (int, float)) for x in items)
+
+
 def _comma_hint(text: str) -> str:
     """Suggests a point instead of a decimal comma, for an error message."""
     if not re.fullmatch(r'[-+]?\d+,\d+', text):
@@ -234,12 +270,24 @@ def did_you_mean(given: str, valid: Iterable[str]) -> str:
     """Returns '; did you mean NAME?' if a name resembles a valid one, otherwise ''.
 
     Args:
+        given: See `resembling`, as for the other.
+        valid: The valid names.
+    """
+    found = resembling(given, valid)
+    return f'; did you mean {found}?' if found else ''
+
+
+def resembling(given: str, valid: Iterable[str]) -> str:
+    """Returns the valid name that a name resembles most, or ''.
+
+    Args:
         given: The misspelt name; capital letters, and `-` or a space for `_`, do not count.
         valid: The valid names.
     """
-    names = {_plain(name): name for name in valid}
-    found = difflib.get_close_matches(_plain(given[:_LONGEST]), names, n=1, cutoff=0.75)
-    return f'; did you mean {names[found[0]]}?' if found else ''
+    names, plain = {_plain(name): name for name in valid}, _plain(given[:_LONGEST])
+    found = [name for name in names if sorted(name) == sorted(plain)]  # letters are exchanged
+    found = found or difflib.get_close_matches(plain, names, n=1, cutoff=0.75)
+    return names[found[0]] if found else ''
 
 
 def _plain(name: str) -> str:
@@ -281,21 +329,70 @@ def unknown_name(name: str, owner: str, valid: Collection[str], where: str) -> s
     Returns:
         One line that lists the valid names of the same group, if there is such a group.
     """
-    group, words = name, list[str]()
+    if single := _value_above(name, valid):
+        return f'{single} is one value, without names below it: write {single}: VALUE'
+    group, words = name, _below(name, valid)
     while group and not words:
-        under = f'{group}.'
-        inside = (known.removeprefix(under) for known in valid if known.startswith(under))
-        words = list(dict.fromkeys(known.partition('.')[0] for known in inside))
-        group = group if words else group.rpartition('.')[0]
-    hint = f'; {group} has {", ".join(words)}' if words else ''
+        group = group.rpartition('.')[0]
+        words = _below(group, valid)
+    meant = _resembling_parameter(name, valid)
+    hint = f'; {group} has {", ".join(words)}' if words and meant in {'', name} else ''
     if words and group == name:
-        hint += f'; write {name}: {{{words[0]}: ...}}'
+        hint = f'; write {name}: {{{words[0]}: ...}}'
     elif name.endswith('.weight') and 'mass' in words:
-        hint += '; give mass, in kg'
-    else:
-        depth = name.count('.') + 1  # the name may be that of a group
-        hint += did_you_mean(name, ['.'.join(x.split('.')[:depth]) for x in valid])
+        hint = '; give mass, in kg'
+    elif meant not in {'', name}:
+        return f'{shown(name)} is not a parameter of {owner}; did you mean {meant}?'
     return f'{shown(name)} is not a parameter of {owner}{hint}; {where} lists all'
+
+
+def _below(group: str, valid: Iterable[str]) -> list[str]:
+    """Returns the next parts of the parameters in a group; NAME stands for any name."""
+    parts = group.split('.') if group else []
+    names = [x.split('.') for x in valid]
+    inside = [x for x in names if len(x) > len(parts) and _fits(parts, x)] if parts else []
+    found = [*dict.fromkeys(x[len(parts)] for x in inside)]
+    return [x for x in found if x != 'NAME'] or found
+
+
+def _fits(parts: Sequence[str], pattern: Sequence[str]) -> bool:
+    return all(y in {x, 'NAME'} for x, y in zip(parts, pattern, strict=False))
+
+
+def _value_above(name: str, valid: Iterable[str]) -> str:
+    """Returns the parameter below whose name a name is given, although it is no group; or ''."""
+    parts = name.split('.')
+    lengths = {len(x) for leaf in valid if _fits(parts, x := leaf.split('.'))}
+    return next(('.'.join(parts[:n]) for n in sorted(lengths) if n <= len(parts)), '')
+
+
+def _resembling_parameter(name: str, valid: Iterable[str]) -> str:
+    """Returns the parameter or group of parameters that a name resembles most, or ''."""
+    valid = [*valid]
+    found, below = list[str](), [x.split('.') for x in valid]
+    for i, part in enumerate(name.split('.')):
+        known = {x[i] for x in below if len(x) > i}
+        meant = part if known & {part, 'NAME'} else resembling(part, known)
+        below = [x for x in below if len(x) > i and x[i] in {meant, 'NAME'}]
+        found.append(meant)
+    if all(found):
+        return '.'.join(found)
+    return '' if '.' in name else resembling(name, valid)
+
+
+def meant_parameter(name: str, valid: Iterable[str]) -> str:
+    """Returns the parameter or group of parameters that is meant by an unknown name, or ''.
+
+    Args:
+        name: The unknown name.
+        valid: The valid names; NAME in them stands for any name.
+    """
+    below = _below(name, valid)
+    return (
+        _value_above(name, valid)
+        or ''.join(f'{name}.{part}' for part in below[:1])
+        or _resembling_parameter(name, valid)
+    )
 
 
 # Pattern of the name of a topic, which may be empty.
@@ -481,18 +578,30 @@ _parts: Callable[[Any], Any] = functools.cache(_read_parts)  # type hints are sl
 
 
 class Checked:
-    """Base class of frozen dataclasses of quantities; validates the fields on creation."""
+    """Base class of frozen dataclasses of quantities; validates the fields on creation.
+
+    Attributes:
+        allows_unknown: Whether `build` creates an object with rejected fields, which are UNKNOWN,
+            to find further mistakes; `build` then raises all, so that nobody else sees UNKNOWN.
+    """
+
+    allows_unknown: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         for field, part in _parts(type(self)):
             value = getattr(self, field.name)
+            if value is UNKNOWN:
+                continue
             if isinstance(part, Quantity):
                 if value is not None or field.default is not None:
                     cleaned = part.clean(_parameter(field), value)
                     object.__setattr__(self, field.name, cleaned)
                 continue
             if isinstance(part, _Named):
-                items = {x: part.value.clean(f'{field.name}.{x}', y) for x, y in value.items()}
+                items = {
+                    x: y if y is UNKNOWN else part.value.clean(f'{field.name}.{x}', y)
+                    for x, y in value.items()
+                }
                 object.__setattr__(self, field.name, items)
                 continue
             is_group = isinstance(part, _Group)
@@ -583,40 +692,79 @@ def build(cls: type[_T], values: Mapping[str, object], prefix: str = '', **other
     Raises:
         ConfigurationError: A value is missing or invalid. The message starts with its dotted name.
     """
-    found: dict[str, object] = {}
     mistakes = Mistakes()
-    for field, part in _parts(cls):
-        with mistakes:
-            found[field.name] = _built(field, part, values, prefix)
+    made = _filled(cls, values, prefix, mistakes, others)
     mistakes.check()
-    return cls(**others, **{name: value for name, value in found.items() if value is not MISSING})
+    return typing.cast('_T', made)
 
 
-def _built(field: Any, part: Any, values: Mapping[str, object], prefix: str) -> object:
+def _filled(
+    cls: Any, values: Mapping[str, object], prefix: str, mistakes: Mistakes,
+    others: Mapping[str, object],
+) -> Any:  # fmt: skip
+    """Builds an instance as `build` does, but collects the mistakes.
+
+    Returns:
+        The instance; after a mistake UNKNOWN, or, of a class that allows it, one with mistakes.
+    """
+    found = dict(others)
+    for field, part in _parts(cls):
+        value = UNKNOWN
+        with mistakes:
+            value = _built(field, part, values, prefix, mistakes)
+        if isinstance(value, tuple) and cls.allows_unknown:
+            value = tuple(x for x in value if x is not UNKNOWN)
+        if value is not MISSING:
+            found[field.name] = value
+    if not cls.allows_unknown and any(map(_is_unknown, found.values())):
+        return UNKNOWN
+    made = cls.__new__(cls)
+    with mistakes:
+        cls.__init__(made, **found)
+        return made
+    return made if cls.allows_unknown else UNKNOWN
+
+
+def _is_unknown(value: object) -> bool:
+    return value is UNKNOWN or (isinstance(value, tuple) and any(x is UNKNOWN for x in value))
+
+
+def _built(
+    field: Any, part: Any, values: Mapping[str, object], prefix: str, mistakes: Mistakes
+) -> object:
     """Builds the value of a field; returns `MISSING` for its default.
 
+    Args:
+        field: The field.
+        part: Its quantity, or what it is instead.
+        values: See `build`, as for the prefix.
+        prefix: Prefix of the names.
+        mistakes: Collects those in parts of the value, which are then UNKNOWN.
+
     Raises:
-        ConfigurationError: A value is missing or invalid.
+        ConfigurationError: The value is missing or invalid.
     """
     name = prefix + _parameter(field)
     if isinstance(part, _Part):
         if part.is_optional and not _names(values, name):
             return MISSING
-        return build(part.base, values, f'{name}.')
+        return _filled(part.base, values, f'{name}.', mistakes, {})
     if isinstance(part, _Group):
-        mistakes, members = Mistakes(), list[Any]()
-        for key, kind in part.members(f'{name}.', values).items():
-            with mistakes:
-                members.append(build(kind, values, f'{name}.{key}.', name=key))
-        mistakes.check()
-        return tuple(members)
+        return tuple(
+            _filled(kind, values, f'{name}.{key}.', mistakes, {'name': key})
+            for key, kind in part.members(f'{name}.', values).items()
+        )
     if isinstance(part, _Named):
-        given = {x: f'{name}.{x}' for x in part.names(f'{name}.', values)}
-        return {x: part.value.clean(full, values[full]) for x, full in given.items()}
+        items: dict[str, object] = {}
+        for key in part.names(f'{name}.', values):
+            items[key] = UNKNOWN
+            with mistakes:
+                items[key] = part.value.clean(f'{name}.{key}', values[f'{name}.{key}'])
+        return items
     if name in values:
         return part.clean(name, values[name])
     if field.default is MISSING:
-        raise ConfigurationError(f'{name} is missing: must be {part.valid}, the {part.meaning}')
+        raise ConfigurationError(f'{name} is missing: must be {part.wanted}')
     return MISSING
 
 

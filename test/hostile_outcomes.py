@@ -12,6 +12,7 @@ from joint_codec import JointStateCodec
 from state_messages import messages_at
 
 from linkage_ros import LinkageError
+from linkage_ros.errors import MOST_LISTED
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
 from linkage_ros.log.verify import verify
@@ -27,7 +28,7 @@ from linkage_ros.settings.configuration import load
 from linkage_ros.settings.parameters import parameter_leaves
 from linkage_ros.settings.summary import summary
 
-LONGEST = 700  # characters: at most 600 of an error, plus what the command line adds
+LONGEST = 700  # characters of a line: at most 600 of an error, plus what the command line adds
 
 
 def outcome(action):
@@ -40,9 +41,14 @@ def outcome(action):
 
 
 def one_line(words):
-    """Checks an error message: one printable line, neither empty nor too long."""
-    assert words.isprintable(), ascii(words)
-    assert 10 < len(words) <= LONGEST, ascii(words)
+    """Checks an error message: one printable line, or a list; neither empty nor too long."""
+    head, *mistakes = words.split('\n')
+    assert not mistakes or head.endswith(' mistakes:'), ascii(words)
+    assert len(mistakes) <= MOST_LISTED + 1, ascii(words)
+    assert len(head) > 10, ascii(words)
+    for line in (head, *mistakes):
+        assert line.isprintable(), ascii(words)
+        assert len(line) <= LONGEST, ascii(words)
     assert 'MemoryError' not in words, words
     return words
 

@@ -531,7 +531,7 @@ REFUSED = {
         {'links': {'crank': LINKS['crank'], 'barrel': {'pins': ['Q', 'T']}}, 'frame': ['O', 'Q'],
          'pins': {'O': PINS['O'], 'A': PINS['A'], 'Q': PINS['Q'], 'T': (50.0, 50.0)},
          'slides': {'rod': {'pins': ['A', 'T'], 'on': 'barrel', 'direction': [110.0, -40.0]}},
-         'cylinders': {}}, 'nothing can move'),
+         'cylinders': {}}, 'rod has T, a pin of barrel'),
     'a slide that is also the slide of another link': (
         {'links': {'crank': LINKS['crank'], 'bar': {'pins': ['G', 'P']},
                    'arm': {'pins': ['P', 'B']}},
@@ -574,9 +574,10 @@ REFUSED = {
     'one coordinate': ({'pins': {**PINS, 'A': (30.0,)}}, 'pins.A = .*: must be two numbers'),
     'a decimal comma': ({'pins': {**PINS, 'A': ('30,0', '40,0')}}, 'pins.A = .* two numbers'),
     'pins in one text': ({'links': {**LINKS, 'crank': {'pins': 'O, A'}}}, 'a list of names'),
-    'a link without pins': ({'links': {**LINKS, 'crank': {'mass': 1.0}}}, 'crank.pins is missing'),
+    'a link without pins': ({'links': {**LINKS, 'crank': {'mass': 0.0}}}, 'crank.pins is missing'),
     'a part of a link misspelt': (
-        {'links': {**LINKS, 'crank': {'pins': ['O', 'A'], 'masse': 1.0}}}, 'crank has pins, m'),
+        {'links': {**LINKS, 'crank': {'pins': ['O', 'A'], 'masse': 0.0}}},
+        'did you mean drawing.links.crank.mass'),
     'a slide with two kinds of pins': (
         {'slides': {'ram': {**SLIDES['ram'], 'pins': ['S', 'B']}}}, 'give pin, or pins for'),
     'a slide on itself': ({'slides': {'ram': {**SLIDES['ram'], 'on': 'ram'}}}, "on = 'ram': must"),
@@ -610,8 +611,8 @@ REFUSED_BESIDE = {
     'degrees of a slide': ({**SLIDING, 'motion.center': '10deg'}, 'in m, because the ram slides'),
     'a slide driven too far': ({**SLIDING, 'motion.center': 7.0}, 'cannot move at 7 m'),
     'a group misspelt': (
-        {'drawing.linkz.crank.pins': ['O', 'A'], 'drawing.linkz.rod.pins': ['A', 'B'],
-         **{f'drawing.links.{name}.pins': LEFT_OUT for name in LINKS}},
+        {f'drawing.{group}.{name}.{key}': value if group == 'linkz' else LEFT_OUT
+         for group in ('linkz', 'links') for name, x in LINKS.items() for key, value in x.items()},
         r"^'drawing.linkz' is not a .* did you mean drawing.links\?"),
     'a law of another drive': (
         {'motion.center': 1.0, 'motion.amplitude': 0.1}, "'motion' is .* write drive: motion"),
@@ -740,9 +741,111 @@ def test_a_mistake_is_named_with_its_cure(mistake):
     assert '\n' not in str(error.value)
 
 
-def test_all_mistakes_are_named_at_once():
-    links = {**LINKS, 'rocker': {'pins': ['b', 'Q']}, 'crank': {'pins': ['O']}}
+# Each of another kind: a type, a name, a pin, a mass, a load, a name of a parameter, and a drive.
+SEVEN = {
+    'drawing.pins.P': (80.0, 120.0, 0.0),
+    'drawing.input': 'cranck',
+    'drawing.links.rocker.pins': ['B', 'q'],
+    'drawing.links.conrod.center': LEFT_OUT,
+    'loads.f.kind': 'force', 'loads.f.force': [1.0, 0.0], 'loads.f.pin': 'X',
+    'drawing.slides.ram.massss': 1.0,
+    'rpm': 'fast',
+}  # fmt: skip
+WORDS = (
+    'drawing.pins.P = ', "drawing.input = 'cranck'", "no pin 'q'", 'conrod has a mass and no',
+    "no pin 'X'", 'ram.massss', "rpm = 'fast'",
+)  # fmt: skip
+
+
+def refused(given):
+    """Returns the mistakes of parameters, each of which is a line of the message."""
     with pytest.raises(ConfigurationError) as error:
-        configure(values(links=links, input='motor'))
-    for words in ("'b'", 'two pins or more', "'motor'"):
-        assert words in str(error.value)
+        configure({name: value for name, value in given.items() if value is not LEFT_OUT})
+    found = error.value.mistakes or (str(error.value),)
+    head, *lines = str(error.value).split('\n')
+    if lines:
+        assert head == f'{len(found)} mistakes:'
+        assert lines == [f'({number}) {words}' for number, words in enumerate(found, 1)]
+    return found
+
+
+def test_mistakes_of_all_kinds_are_told_at_once_without_their_consequences():
+    found = refused(values() | SEVEN)
+    assert len(found) == len(WORDS)
+    for words in WORDS:
+        assert any(words in one for one in found), words
+
+
+@pytest.mark.parametrize('mistake', REFUSED)
+def test_a_mistake_is_told_beside_those_in_a_load_and_a_mass(mistake):
+    changes, words = REFUSED[mistake]
+    given = values(**changes)
+    link = next(name for name in given if name.startswith('drawing.links.'))
+    heavy = link.rpartition('.')[0] + '.mass'
+    others = {'loads.f.kind': 'pins', 'loads.f.damping': 'x', heavy: '1 kg'}
+    found = refused(given | others)
+    for wanted in (words, "loads.f.damping = 'x'", f"{heavy} = '1 kg'"):
+        assert any(re.search(wanted, one) for one in found), (wanted, found)
+
+
+def test_a_limited_input_is_told_beside_a_mistake_in_a_load():
+    given = values(pins={**PINS, 'A': (60.0, 80.0)}) | {'loads.f.kind': 'force'}
+    found = refused(given)
+    assert len(found) == 2
+    assert 'force is missing' in found[0]
+    assert 'cannot turn fully' in found[1]
+
+
+@pytest.mark.parametrize('group', ['links', 'slides', 'frame', 'units'])
+def test_a_part_of_the_drawing_beside_it_is_one_mistake(group):
+    given = values()
+    moved = {name.removeprefix('drawing.') if name.startswith(f'drawing.{group}') else name: value
+             for name, value in given.items()}  # fmt: skip
+    (words,) = refused(moved)
+    assert f'indent {group} below drawing' in words
+
+
+@pytest.mark.parametrize(
+    ('changes', 'words'),
+    [
+        ({'drawing.pins.P': LEFT_OUT, 'drawing.pins.P.x': 80.0, 'drawing.pins.P.y': 120.0},
+         'drawing.pins.P is one value, without names below it: write drawing.pins.P: VALUE'),
+        ({'drawing.links.rocker.pins': LEFT_OUT, 'drawing.links.rocker': ['B', 'Q']},
+         'write drawing.links.rocker: {pins: ...}'),
+        ({'drawing.links.rocker.pins': LEFT_OUT, 'drawing.links.rocker.pin': ['B', 'Q']},
+         'did you mean drawing.links.rocker.pins?'),
+        ({'drawing.loads.f.kind': 'force', 'drawing.loads.f.pin': 'P',
+          'drawing.loads.f.force': [1.0, 0.0]}, 'loads is beside drawing, not in it'),
+        ({'drawing.pins.B': LEFT_OUT},
+         'drawing.pins.B is missing, a pin of drawing.links.conrod, drawing.links.coupler'),
+        ({'drawing.input': 'O'}, 'that is a pin'),
+        ({'drawing.frame': 'O, Q, G'}, 'write [O, Q, G]'),
+        ({'drawing.pins.P': ['80,5', '120,0']}, 'write 80.5, with a point'),
+        ({'drawing.links.conrod.mass': '0.2 kg'}, 'write 0.2, without a unit'),
+        ({'drawing.cylinders.gas.to': 'W', 'drawing.pins.W': (9.0, 200.0)},
+         'no link has its pin W'),
+        ({**SLIDING, 'motion.center': 0.1, 'rpm': 60.0}, 'has rpm; leave it out'),
+        ({'loads.f.force': [1.0, 0.0], 'loads.f.pin': 'P'}, 'loads.f.kind is missing'),
+    ],
+)  # fmt: skip
+def test_a_slip_in_the_form_is_one_mistake_with_its_cure(changes, words):
+    (found,) = refused(values() | changes)
+    assert words in found
+
+
+@pytest.mark.parametrize(
+    ('on', 'pins', 'words'),
+    [
+        ('lever', ['Q', 'T', 'A'], 'block has A, a pin of lever, on which it slides'),
+        ('crank', ['Q', 'T'], 'block has A, a pin of crank, on which it slides'),
+        ('frame', ['Q', 'T'], 'block slides on the frame and has the pin A of crank'),
+    ],
+)
+def test_a_slide_on_a_link_with_its_own_pin_is_refused(on, pins, words):
+    groups = lever(direction=[30.0, 140.0], on=on)
+    groups['links']['lever'] = {'pins': pins}
+    if on != 'lever':
+        groups['links']['bar'] = {'pins': ['T', 'W']}
+        groups['pins']['W'] = (120.0, 150.0)
+        groups['frame'] = ['O', 'Q', 'W']
+    assert any(words in one for one in refused(values(**groups)))

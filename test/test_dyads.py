@@ -554,7 +554,7 @@ def test_dyad_that_closes_nowhere_is_refused(dyads, words):
     ('dyads', 'words'),
     [
         ([arm(from_='cupler', to='rocker_')],
-         "2 mistakes: .*ram.from = 'cupler': must be one of crank, .*ram.to = 'rocker_'"),
+         r"2 mistakes:\n\(1\) .*ram.from = 'cupler': must .*\n\(2\) .*ram.to = 'rocker_'"),
         ([arm(from_='press_first'), press()], 'press is carried by ram is carried by press'),
         ([arm(from_='ram_second')], 'ram is carried by ram'),
         ([arm(), arm()], "two dyads have the name 'ram'"),
@@ -629,7 +629,9 @@ def test_log_of_each_drive_verifies(tmp_path, drive):
 
 
 def test_mistakes_of_a_file_are_said_together(tmp_path):
-    with pytest.raises(ConfigurationError, match=r'4 mistakes: .*ram\.assembly.*saddle\.second'):
+    with pytest.raises(
+        ConfigurationError, match=r'(?s)4 mistakes:\n.*ram\.assembly.*saddle\.second'
+    ):
         six_bar(tmp_path, 'rpm: 1.0', 'dyads.ram.assembly: up', 'dyads.saddle.second.mass: -1.0')
 
 

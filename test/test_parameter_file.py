@@ -403,15 +403,19 @@ rate_hz: 0.0""")
     )
     with pytest.raises(ConfigurationError) as caught:
         load(str(path))
-    assert str(caught.value).startswith(f'{path}: 8 ')
+    assert str(caught.value).startswith(f'{path}: 6 ')
     words = caught.value.__cause__.mistakes
     assert {one.split()[0].strip("'") for one in words} == {
-        'rmp', 'frame', 'frame.length', 'crank.length', 'crank.mass', 'rocker.length', 'rpm',
+        'rmp',
+        'frame',
+        'crank.length',
+        'crank.mass',
+        'rocker.length',
         'rate_hz',
-    }  # fmt: skip
+    }
     assert 'frame: {length: ...}' in words[1]
-    assert ' 0.1' in words[3]
-    assert len(str(caught.value)) <= 600
+    assert ' 0.1' in words[2]
+    assert all(len(one) <= 600 for one in words)
 
 
 @pytest.mark.parametrize(

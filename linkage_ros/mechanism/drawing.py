@@ -8,19 +8,17 @@ the coordinates and rounded once, so that a drawn parallelogram is one. The asse
 the drawn position.
 """
 
-import itertools
 import math
-import re
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 from linkage_ros.errors import ConfigurationError, Mistakes
 from linkage_ros.mechanism.base import Mechanism
-from linkage_ros.mechanism.drawing_conversion import Conversion, listed
-from linkage_ros.mechanism.exact import UNITS, Exact
+from linkage_ros.mechanism.drawing_checks import contradictions, mistakes_of, mistakes_of_places
+from linkage_ros.mechanism.drawing_conversion import Conversion
+from linkage_ros.mechanism.exact import UNITS
 from linkage_ros.mechanism.loads import loads_field
 from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.parts import (
@@ -30,24 +28,35 @@ from linkage_ros.mechanism.parts import (
     mass_quantity,
 )
 from linkage_ros.mechanism.points import TracedPoint, points_field
-from linkage_ros.quantities import BOOLEANS, Checked, groups, named, quantity, required, shown
+from linkage_ros.quantities import Checked, groups, named, quantity, required
 
-_NAME = '[A-Za-z](_?[A-Za-z0-9])*_?'  # without two underscores in succession
-_RESERVED = {FRAME_NAME, 'world', 'base_link'}
 _PLACES = (-1e12, 1e12)
-# A pin that is so far from the others, or so near to the origin, is probably in another unit;
-# relative to the size of the others.
-_FAR, _NEAR = 10.0, 0.01
-# A length that differs from the drawn one by more than this share of it is probably a mistake.
-_OFF = 0.3
 
 
 def _center() -> Any:
     return quantity('pair', 'centre of mass as drawn [x, y], in units', span=_PLACES, default=None)
 
 
+class _Drawn(Checked):
+    """Base class of a drawing and its parts, whose mistakes are all found at once."""
+
+    allows_unknown = True
+
+
+def _refuse(mistakes: Iterable[str]) -> None:
+    """Rejects mistakes, if there are any.
+
+    Raises:
+        ConfigurationError: There are; the message has all.
+    """
+    found = Mistakes()
+    for words in mistakes:
+        found.add(words)
+    found.check()
+
+
 @dataclass(frozen=True)
-class DrawnMass(Checked):
+class DrawnMass(_Drawn):
     """The mass of a barrel or a rod.
 
     Attributes:
@@ -62,7 +71,7 @@ class DrawnMass(Checked):
 
 
 @dataclass(frozen=True)
-class DrawnLink(Checked):
+class DrawnLink(_Drawn):
     """A link of a drawing.
 
     Attributes:
@@ -87,7 +96,7 @@ class DrawnLink(Checked):
 
 
 @dataclass(frozen=True)
-class DrawnSlide(Checked):
+class DrawnSlide(_Drawn):
     """A block that slides along a straight line of the frame or of a link.
 
     Attributes:
@@ -123,7 +132,7 @@ class DrawnSlide(Checked):
 
 
 @dataclass(frozen=True)
-class DrawnCylinder(Checked):
+class DrawnCylinder(_Drawn):
     """A cylinder between two pins.
 
     As the input it has a barrel and a rod; otherwise it is the line of loads of kind spring.
@@ -144,7 +153,7 @@ class DrawnCylinder(Checked):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Drawing(Checked):
+class Drawing(_Drawn):
     """A machine as it is drawn at one position.
 
     Attributes:
@@ -172,7 +181,7 @@ class Drawing(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check(self)
+        _refuse(mistakes_of(self))
 
     @property
     def lengths(self) -> dict[str, float]:
@@ -214,11 +223,13 @@ class Drawing(Checked):
         Raises:
             ConfigurationError: The drawing shows no mechanism that consists of a loop and dyads.
         """
-        return Conversion(self).mechanism(gravity, loads, points)
+        return DrawnMechanism(
+            drawing=self, gravity=gravity, loads=loads, points=points
+        ).converted()
 
 
 @dataclass(frozen=True, kw_only=True)
-class DrawnMechanism(Checked):
+class DrawnMechanism(_Drawn):
     """A mechanism given by its drawing, as in a parameter file with `mechanism: drawing`.
 
     Attributes:
@@ -233,6 +244,10 @@ class DrawnMechanism(Checked):
     loads: Sequence[AppliedLoad] = loads_field()
     points: Sequence[TracedPoint] = points_field()
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _refuse(mistakes_of_places(self.drawing, self.loads, self.points))
+
     def converted(self) -> Mechanism:
         """Returns the mechanism; see `Drawing.mechanism`.
 
@@ -240,9 +255,7 @@ class DrawnMechanism(Checked):
             ConfigurationError: There is none; the message has the `contradictions`, too.
         """
         with self.suspicion():
-            return self.drawing.mechanism(
-                gravity=self.gravity, loads=self.loads, points=self.points
-            )
+            return Conversion(self.drawing).mechanism(self.gravity, self.loads, self.points)
 
     @contextmanager
     def suspicion(self) -> Iterator[None]:
@@ -254,7 +267,8 @@ class DrawnMechanism(Checked):
         try:
             yield
         except ConfigurationError as error:
-            if not (strange := contradictions(self.drawing)):
+            strange = contradictions(self.drawing)
+            if error.mistakes or not strange:
                 raise
             raise ConfigurationError('; '.join([*strange, str(error)])) from error
 
@@ -275,255 +289,3 @@ class DrawnMechanism(Checked):
     def unused(cls, _values: Mapping[str, object]) -> dict[str, str]:
         """See `Mechanism.unused`."""
         return {}
-
-
-def contradictions(drawing: Drawing) -> list[str]:
-    """Returns a line for each pin in another unit, and for each length unlike the drawn one."""
-    found = _pins_in_another_unit(drawing)
-    for link in drawing.links:
-        if link.length is None or len(link.pins) != 2:
-            continue
-        one, other = link.pins
-        apart = math.dist(drawing.pins[one], drawing.pins[other])
-        if abs(link.length - apart) > _OFF * apart:
-            found.append(
-                f'drawing.links.{link.name}.length = {link.length:g}, but {one} and {other} are '
-                f'drawn {apart:.6g} {drawing.units} apart: correct it, or draw them so'
-            )
-    return found
-
-
-def _pins_in_another_unit(drawing: Drawing) -> list[str]:
-    """Returns a line for each pin that is among the others only if it is in m, or else in mm.
-
-    If there are many, they may be right, and another pin wrong; none is returned then.
-    """
-    unit, metre = drawing.units, float(UNITS[drawing.units])
-    if unit == 'in':  # too near to m: by chance, a right pin may be among the others, too
-        return []
-    other, factor = ('mm', float(UNITS['mm'])) if unit == 'm' else ('m', 1 / metre)
-    found = []
-    for name, place in drawing.pins.items():
-        rest = [x for pin, x in drawing.pins.items() if pin != name]
-        low, high = ([end(column) for column in zip(*rest, strict=True)] for end in (min, max))
-        size, meant = math.dist(low, high), [factor * x for x in place]
-        is_alone = _outside(place, low, high) > _FAR * size
-        is_at_origin = factor > 1 and 0 < max(map(abs, place)) < _NEAR * size
-        if (is_alone or is_at_origin) and _outside(meant, low, high) < 0.5 * size:
-            found.append(
-                f'drawing.pins.{name} = [{place[0]:g}, {place[1]:g}] {unit}; did you mean {other} '
-                f'= [{meant[0]:.6g}, {meant[1]:.6g}] {unit}?'
-            )
-    return found if len(found) <= max(1, len(drawing.pins) // 3) else []
-
-
-def _outside(place: Sequence[float], low: Sequence[float], high: Sequence[float]) -> float:
-    """Returns by how much a place is outside a box."""
-    return max(max(x - z, y - x, 0.0) for x, y, z in zip(place, low, high, strict=True))
-
-
-# ---------------------------------------------------------------- checks
-
-
-def _check(drawing: Drawing) -> None:
-    """Rejects names and values with a mistake, all at once.
-
-    Raises:
-        ConfigurationError: There is one or more; the message has all.
-    """
-    checks = (
-        (
-            _bad_names,
-            _bad_input,
-            _bad_lists,
-            _bad_lengths,
-            _bad_pins,
-            _bad_slides,
-            _bad_cylinders,
-            _bad_centers,
-        ),
-        (_rigid_pairs, _loose_parts),  # a misspelt pin would leave others loose
-    )
-    for each in checks:
-        mistakes = Mistakes()
-        for problem in (problem for find in each for problem in find(drawing)):
-            with mistakes:
-                raise ConfigurationError(problem)
-        mistakes.check()
-
-
-def _parts(drawing: Drawing) -> Iterator[tuple[str, Any, Sequence[str]]]:
-    """Yields each part of the drawing with its parameter's name and its pins."""
-    for link in drawing.links:
-        yield f'drawing.links.{link.name}', link, link.pins
-    for slide in drawing.slides:
-        yield f'drawing.slides.{slide.name}', slide, slide.all_pins
-    for cylinder in drawing.cylinders:
-        yield f'drawing.cylinders.{cylinder.name}', cylinder, (cylinder.from_, cylinder.to)
-
-
-def _bad_names(drawing: Drawing) -> Iterator[str]:
-    seen = dict[str, str]()
-    names = [(f'drawing.pins.{name}', name) for name in drawing.pins]
-    parts = [(label, part.name) for label, part, _ in _parts(drawing)]
-    for label, name in (*names, *parts):
-        if name.lower() in BOOLEANS:
-            yield f'{label}: ROS reads {name} as a boolean; choose another name'
-        elif name in _RESERVED or not re.fullmatch(_NAME, name):
-            yield (
-                f'{label}: a name must be letters, digits and single underscores, begin with a '
-                f'letter, and be none of {", ".join(sorted(_RESERVED))}'
-            )
-    for label, name in parts:
-        if name in seen:
-            yield f'{label} has the name of {seen[name]}: rename one'
-        seen[name] = label
-
-
-def _bad_input(drawing: Drawing) -> Iterator[str]:
-    parts = [part.name for _, part, _ in _parts(drawing)]
-    if drawing.input not in parts:
-        yield f'drawing.input = {shown(drawing.input)}: must be one of {listed(parts)}'
-
-
-def _bad_lists(drawing: Drawing) -> Iterator[str]:
-    """Yields the mistakes in the lists of pins."""
-    lists = {'drawing.frame': drawing.frame}
-    lists |= {label: pins for label, _, pins in _parts(drawing)}
-    for label, pins in lists.items():
-        if len({*pins}) < len(pins):
-            yield f'{label} names one pin twice: {", ".join(pins)}; leave one out'
-        for pin in pins:
-            if pin not in drawing.pins:
-                known = listed(drawing.pins)
-                yield f'{label}: no pin {shown(pin)} in drawing.pins, which has {known}'
-    guides = {slide.on for slide in drawing.slides}
-    for label, part, pins in _parts(drawing):
-        if isinstance(part, DrawnLink) and len(pins) + (part.name in guides) < 2:
-            yield f'{label}.pins = {list(pins)}: a link needs two pins or more'
-
-
-def _bad_lengths(drawing: Drawing) -> Iterator[str]:
-    guides = {slide.on: slide.name for slide in drawing.slides}
-    for link in drawing.links:
-        why = f'it has {len(link.pins)} pins' if len(link.pins) != 2 else ''
-        if link.name in guides:
-            why = f'{guides[link.name]} slides on it'
-        if link.length is not None and why:
-            yield (
-                f'drawing.links.{link.name}.length is for a link of two pins without a slide on '
-                f'it, but {why}: leave it out, and draw its pins where they are'
-            )
-
-
-def _bad_pins(drawing: Drawing) -> Iterator[str]:
-    """Yields the mistakes in the pins themselves."""
-    used = {*drawing.frame, *(pin for _, _, pins in _parts(drawing) for pin in pins)}
-    for pin in sorted({*drawing.pins} - used):
-        yield (
-            f'drawing.pins.{pin}: neither the frame nor a link has this pin; add it to one, or '
-            'leave it out'
-        )
-    places = dict[Exact, str]()
-    for pin, pair in drawing.pins.items():
-        other = places.setdefault(Exact.of(pair), pin)
-        if other != pin:
-            yield (
-                f'drawing.pins.{pin} is at the same place as {other}: write one pin that all '
-                'their links share, or draw the machine at another position'
-            )
-
-
-def _bad_slides(drawing: Drawing) -> Iterator[str]:
-    bodies = [*(link.name for link in drawing.links), *(slide.name for slide in drawing.slides)]
-    for slide in drawing.slides:
-        label = f'drawing.slides.{slide.name}'
-        if bool(slide.pin) == bool(slide.pins):
-            yield f'{label}: give pin, or pins for several'
-        if slide.direction == (0.0, 0.0):
-            yield f'{label}.direction = [0, 0]: must be a direction, such as [1.0, 0.0]'
-        if slide.on != FRAME_NAME and (slide.on not in bodies or slide.on == slide.name):
-            others = [name for name in bodies if name != slide.name]
-            yield f'{label}.on = {shown(slide.on)}: must be one of {listed([FRAME_NAME, *others])}'
-        for pin in {*slide.all_pins} & {*drawing.frame} if slide.on == FRAME_NAME else ():
-            yield f'{label} has the fixed pin {pin}: take {pin} out of drawing.frame'
-
-
-def _bad_cylinders(drawing: Drawing) -> Iterator[str]:
-    for cylinder in drawing.cylinders:
-        masses = {'barrel': cylinder.barrel, 'rod': cylinder.rod}
-        heavy = [name for name, part in masses.items() if part.mass or part.inertia]
-        if heavy and cylinder.name != drawing.input:
-            yield (
-                f'drawing.cylinders.{cylinder.name}.{" and ".join(heavy)}: only the input has a '
-                'barrel and a rod with masses; leave them out, or draw a link, and a slide on it'
-            )
-
-
-def _rigid_pairs(drawing: Drawing) -> Iterator[str]:
-    """Yields a message for each link on two fixed pins, and for each two links that share two."""
-    for link in drawing.links:
-        fixed = [pin for pin in link.pins if pin in drawing.frame]
-        if len(fixed) > 1:
-            yield (
-                f'drawing.links.{link.name} has {" and ".join(fixed)} of drawing.frame, so that '
-                'it cannot move: correct its pins or drawing.frame, or leave it out'
-            )
-    for one, other in itertools.combinations(drawing.links, 2):
-        common = [pin for pin in one.pins if pin in other.pins]
-        if len(common) > 1:
-            yield (
-                f'{one.name} and {other.name} share the pins {" and ".join(common)}, so that '
-                'they are one rigid link: give both as one link, or leave out a pin'
-            )
-
-
-def _loose_parts(drawing: Drawing) -> Iterator[str]:
-    """Yields a message for each link or slide that fewer than two joints hold."""
-    moving = [
-        (label, part, pins)
-        for label, part, pins in _parts(drawing)
-        if not isinstance(part, DrawnCylinder) or part.name == drawing.input
-    ]
-    counts = Counter([*drawing.frame, *(pin for _, _, pins in moving for pin in pins)])
-    for label, part, pins in moving:
-        if isinstance(part, DrawnCylinder):
-            continue
-        joined = [pin for pin in pins if counts[pin] > 1]
-        single = [pin for pin in pins if pin not in joined]
-        joints = len(joined) + isinstance(part, DrawnSlide)
-        joints += sum(slide.on == part.name for slide in drawing.slides)
-        if joints < 2:
-            held = 'by its line alone' if isinstance(part, DrawnSlide) else 'nowhere'
-            held = f'at {joined[0]} alone' if joined else held
-            yield (
-                f'{label} is joined to the others {held}: no other link has its '
-                f'{" or ".join(single)}; add {"it" if len(single) == 1 else "one"} to another '
-                'link or to drawing.frame, or leave this one out'
-            )
-
-
-def _bad_centers(drawing: Drawing) -> Iterator[str]:
-    known = {name: Exact.of(place) for name, place in drawing.pins.items()}
-    bodies = {FRAME_NAME, *(part.name for _, part, _ in _parts(drawing))}
-    for label, part, pins in _parts(drawing):
-        own: dict[str, tuple[Any, Sequence[str]]] = {label: (part, pins)}
-        if isinstance(part, DrawnCylinder):
-            own = {
-                f'{label}.barrel': (part.barrel, (part.from_,)),
-                f'{label}.rod': (part.rod, (part.to,)),
-            }
-        for name, (body, its_pins) in own.items():
-            if isinstance(body, DrawnSlide) and body.on not in bodies - {body.name}:
-                continue  # refused elsewhere
-            if isinstance(body, DrawnSlide) and body.on == FRAME_NAME:
-                if body.center is not None:
-                    yield f'{name}.center: on the frame it is the pin; leave it out'
-                continue
-            if body.mass and body.center is None and {*its_pins} <= {*known}:
-                places = [drawing.pins[pin] for pin in its_pins]
-                middle = [math.fsum(row) / len(row) for row in zip(*places, strict=True)]
-                yield (
-                    f'{name} has a mass and no center: give it; the middle of its pins is '
-                    f'center: {[float(f"{x:.6g}") for x in middle]}'
-                )

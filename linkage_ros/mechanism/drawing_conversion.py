@@ -7,13 +7,14 @@ before becomes a dyad.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from fractions import Fraction
 from typing import Any, NamedTuple, cast
 
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.mechanism.base import Drawn, Mechanism
+from linkage_ros.mechanism.drawing_checks import listed
 from linkage_ros.mechanism.dyads import Dyad, DyadSlider
 from linkage_ros.mechanism.exact import UNITS, Exact, over_root
 from linkage_ros.mechanism.four_bar import FourBar
@@ -37,11 +38,6 @@ from linkage_ros.quantities import shown
 # The smallest sine of the angle between two links at which a drawing shows their assembly: in the
 # loop, which may be near a change point, and in a dyad.
 _LEAST_SINE, _LEAST_SINE_OF_DYAD = 1e-6, 1e-3
-
-
-def listed(names: Iterable[str]) -> str:
-    """Returns names for an error message."""
-    return ', '.join(sorted(names)) or 'none'
 
 
 def _untold(what: str) -> str:
@@ -619,55 +615,22 @@ class Conversion:
             if len(owners) == 1 and pin not in self.drawing.frame:
                 yield TracedPoint(pin, owners[0], self.local(owners[0], pin))
 
-    def place(self, label: str, body: str, at: tuple[float, float]) -> tuple[float, float]:
-        """Returns a place [along, across] on a body, m, given as drawn.
-
-        Raises:
-            ConfigurationError: There is no such body.
-        """
-        if body != FRAME_NAME and body not in self.axes:
-            names = listed([*self.axes, FRAME_NAME])
-            raise ConfigurationError(f'{label} = {shown(body)}: must be one of {names}')
+    def place(self, body: str, at: tuple[float, float]) -> tuple[float, float]:
+        """Returns a place [along, across] on a body, m, given as drawn."""
         place = Exact.of(at, self.unit).minus(self.origin)
         return place.rounded if body == FRAME_NAME else self.in_axes(self.axes[body], place)
 
-    def place_of_pin(self, label: str, pin: str, link: str) -> tuple[str, tuple[float, float]]:
-        """Returns a link, or the carrier of a pin, and the place of the pin on it, m.
-
-        Raises:
-            ConfigurationError: There is no such pin, or no link has it.
-        """
-        owners = [name for name in self.axes if pin in self.bodies[name].pins]
-        if pin in self.drawing.frame:
-            owners.insert(0, FRAME_NAME)
-        if not owners or link not in {'', *owners}:
-            known = listed(owners) if owners else listed(self.at)
-            what = f'link {shown(link)} at the pin {pin}' if owners else f'pin {shown(pin)}'
-            raise ConfigurationError(f'{label}: no {what}; must be one of {known}')
-        body = link or owners[0]
+    def place_of_pin(self, pin: str, link: str) -> tuple[str, tuple[float, float]]:
+        """Returns a link, or the carrier of a pin, and the place of the pin on it, m."""
+        body = link or self.carrier(pin)
         return body, self.local(body, pin)
 
     def as_solved(self, load: Any) -> Any:
-        """Returns a load or a point with its places in the axes of its links, instead of as drawn.
-
-        Raises:
-            ConfigurationError: A pin, a link or a cylinder does not exist.
-        """
-        label = getattr(load, 'label', f'points.{load.name}')
-        cylinder = getattr(load, 'cylinder', '')
+        """Returns a load or a point with its places in the axes of its links, not as drawn."""
         kinds = {x.name: getattr(x.metadata.get('quantity'), 'kind', '') for x in fields(load)}
-        if cylinder:
-            given = {x.name: x for x in self.drawing.cylinders if x.name != self.drawing.input}
-            if not given:
-                raise ConfigurationError(
-                    f'{label}.cylinder = {shown(cylinder)}: the drawing has no cylinder besides '
-                    f'the input; add drawing.cylinders.{cylinder}: {{from: PIN, to: PIN}}'
-                )
-            if cylinder not in given:
-                raise ConfigurationError(
-                    f'{label}.cylinder = {shown(cylinder)}: must be one of {listed(given)}'
-                )
-            pins = given[cylinder].from_, given[cylinder].to
+        if cylinder := getattr(load, 'cylinder', ''):
+            (given,) = (x for x in self.drawing.cylinders if x.name == cylinder)
+            pins = given.from_, given.to
             if pins[0] in self.drawing.frame:
                 pins = pins[1], pins[0]
             load = replace(load, cylinder='', pin=pins[0], to_pin=pins[1], to=FRAME_NAME)
@@ -675,17 +638,13 @@ class Conversion:
         for link, at, pin in (('link', 'at', 'pin'), ('to', 'to_at', 'to_pin')):
             if link not in kinds or kinds.get(at) != 'pair':  # a curve has a list
                 continue
-            name, place = getattr(load, link), getattr(load, at)
+            name = getattr(load, link)
             if given_pin := getattr(load, pin, ''):
                 own = '' if link == 'to' and name == FRAME_NAME else name
-                changes[link], changes[at] = self.place_of_pin(label, given_pin, own)
+                changes[link], changes[at] = self.place_of_pin(given_pin, own)
                 changes[pin] = ''
             elif name:
-                if place is None and self.is_known(name):
-                    raise ConfigurationError(
-                        f'{label}.{at} is missing: give the place on {name} as drawn, or {pin}'
-                    )
-                changes[at] = self.place(f'{label}.{link}', name, place)
+                changes[at] = self.place(name, getattr(load, at))
         return replace(load, **changes) if changes else load
 
     # ------------------------------------------------------------ refusals
@@ -716,6 +675,11 @@ class Conversion:
                         'of the frame far away, comes near its motion'
                     )
         for pin, other in self.pinned_to(driven):
+            if other.on == FRAME_NAME:
+                return (
+                    f'{other.name} slides on the frame and has the pin {pin} of {driven.name}, so '
+                    f'that neither can move; if it slides in a slot of a link, write on: LINK'
+                )
             if tied := self.pivots(other, *fixed):
                 return (
                     f'{other.name} joins {driven.name} at {pin} to the fixed pin {tied[0]}, '

@@ -5,11 +5,18 @@
 import json
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from linkage_ros.errors import ConfigurationError, Mistakes, in_file, in_linkage
+from linkage_ros.errors import (
+    MOST_LISTED,
+    ConfigurationError,
+    Mistakes,
+    in_file,
+    in_linkage,
+)
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.drawing import Drawing, DrawnMechanism
 from linkage_ros.mechanism.registry import MECHANISMS
@@ -21,10 +28,12 @@ from linkage_ros.motion.drives.follow import FollowDrive
 from linkage_ros.motion.drives.speed import SpeedDrive
 from linkage_ros.motion.drives.torque import TorqueDrive
 from linkage_ros.quantities import (
+    UNKNOWN,
     Leaf,
     build,
     flatten,
     leaves,
+    meant_parameter,
     shown,
     unknown_name,
 )
@@ -46,7 +55,6 @@ from linkage_ros.settings.parameters import (
 from linkage_ros.settings.presets import DEFAULT_PRESET, find_file, preset_path
 from linkage_ros.settings.yaml_file import read_parameter_file
 
-_EXPLAINED = 6  # number of unknown names that a message explains
 _BARS = {4: 'four-bar', 6: 'six-bar', 8: 'eight-bar', 10: 'ten-bar'}
 # Parameters that every rclpy node declares.
 _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
@@ -283,36 +291,36 @@ def _configured(name: str, given: Mapping[str, object], *, checks_drive: bool) -
     # `build` ignores values of the preset that the drive does not have, such as rpm.
     is_preset = 'mechanism' not in given and not name
     preset = read_parameter_file(preset_path(DEFAULT_PRESET)) if is_preset else {}
-    chosen = {**preset, **given}
-    kind = MechanismAndDrive.of(chosen)
-    valid = parameter_leaves(kind, given)
-    names = [leaf.name for leaf in valid]
     mistakes = Mistakes()
-    unused = MECHANISMS[kind.mechanism].unused(given)
-    unknown = [parameter for parameter in given if parameter not in names]
-    if kind.mechanism != 'drawing' and any(x.startswith('drawing.') for x in unknown):
-        raise ConfigurationError(
-            f'mechanism = {shown(kind.mechanism)}, with a drawing: write mechanism: drawing, or '
-            'leave drawing out'
-        )
-    unknown = _unknown_groups(unknown, [*names, *(x.name for x in parameter_leaves(kind))])
-    mistakes.count(len(unknown[_EXPLAINED:]))
-    for parameter in unknown[:_EXPLAINED]:
-        with mistakes:
-            reason = unused.get(parameter, '')
-            raise ConfigurationError(_not_a_parameter(parameter, kind, names, reason))
-    known = {name.split('.')[1] for name in names if name.startswith('drawing.')}
-    if any(x.startswith('drawing.') and x.split('.')[1] not in known for x in unknown):
-        mistakes.check()  # without a group, the other mistakes are mostly consequences
+    kind = _kind_of({**preset, **given}, mistakes)
+    can_drive = not mistakes
+    given = _without_kindless(given, kind, mistakes)
+    given = _with_known_names(given, kind, mistakes)
+    chosen = {**preset, **given}
+    is_known = not any(value is UNKNOWN for value in given.values())
+    # Each is None only after a mistake.
+    made: Any = None
+    mechanism: Any = None
+    drive: Any = None
+    session: Any = None
+    joints = dict[str, JointSettings]()
     with mistakes:
         made = build(MECHANISMS[kind.mechanism], chosen)
-        mechanism = made.converted()
-        if mechanism.drawn:
-            chosen = {'crank_angle': mechanism.drawn.crank_angle, **chosen}
-    with mistakes:
-        drive = build(DRIVES[kind.drive], chosen)
+        mechanism = made.converted() if is_known else None
+    if mechanism is None and is_known:
+        made, mechanism = _without_loads(kind, chosen, mistakes)
+    if mechanism is not None and mechanism.drawn:
+        chosen = {'crank_angle': mechanism.drawn.crank_angle, **chosen}
+    if can_drive:
+        with mistakes:
+            drive = build(DRIVES[kind.drive], chosen)
     with mistakes:
         session = build(Session, chosen)
+    with mistakes:
+        joints = build_joints(given)
+    if mistakes and mechanism and drive and not drive.is_integrated:
+        with mistakes, made.suspicion():
+            drive.check(mechanism)
     mistakes.check()
     if is_preset:
         _require_harmless(drive)
@@ -321,7 +329,7 @@ def _configured(name: str, given: Mapping[str, object], *, checks_drive: bool) -
         mechanism,
         drive,
         session,
-        build_joints(given),
+        joints,
         drawn_mechanism=None if made is mechanism else made,
         name=name,
     )
@@ -402,6 +410,102 @@ def _require_harmless(drive: Drive) -> None:
         )
 
 
+def _kind_of(chosen: Mapping[str, object], mistakes: Mistakes) -> MechanismAndDrive:
+    """Reads mechanism and drive, and collects that the mechanism cannot have the drive.
+
+    Raises:
+        ConfigurationError: One of them is missing or invalid.
+    """
+    kind = build(MechanismAndDrive, chosen)
+    with mistakes:
+        return MechanismAndDrive.of(chosen)
+    return kind
+
+
+def _without_kindless(
+    given: Mapping[str, object], kind: MechanismAndDrive, mistakes: Mistakes
+) -> Mapping[str, object]:
+    """Returns the values without loads that have no valid kind, and collects these mistakes."""
+    with suppress(ConfigurationError):
+        parameter_leaves(kind, given)
+        return given
+    loads = {'.'.join(name.split('.')[:2]) for name in given if name.startswith('loads.')}
+    for load in sorted(loads)[:MOST_LISTED]:
+        own = {name: value for name, value in given.items() if name.startswith(f'{load}.')}
+        with mistakes:
+            parameter_leaves(kind, own)
+            loads.remove(load)
+    return {
+        name: value for name, value in given.items() if '.'.join(name.split('.')[:2]) not in loads
+    }
+
+
+def _with_known_names(
+    given: Mapping[str, object], kind: MechanismAndDrive, mistakes: Mistakes
+) -> Mapping[str, object]:
+    """Returns the values with each misspelt name as it is meant, and collects these mistakes.
+
+    Raises:
+        ConfigurationError: Other mistakes would be consequences.
+    """
+    names = [leaf.name for leaf in parameter_leaves(kind, given)]
+    known = {*names}
+    unknown = [parameter for parameter in given if parameter not in known]
+    if not unknown:
+        return given
+    if kind.mechanism != 'drawing' and any(x.startswith('drawing.') for x in unknown):
+        raise ConfigurationError(
+            f'mechanism = {shown(kind.mechanism)}, with a drawing: write mechanism: drawing, or '
+            'leave drawing out'
+        )
+    every = [*names, *(leaf.name for leaf in parameter_leaves(kind))]
+    unknown, changes = _unknown_groups(unknown, every), dict[str, str]()
+    mistakes.count(len(unknown[MOST_LISTED:]))
+    for parameter in unknown[:MOST_LISTED]:
+        words, meant = _not_a_parameter(parameter, kind, given, names)
+        mistakes.add(words)
+        new = {_renamed(name, {parameter: meant}) for name in given}
+        is_above = f'{parameter}.'.startswith(f'{meant}.')
+        if meant and (is_above or len(new) == len(given)):
+            changes[parameter] = meant
+    parts = {name.split('.')[1] for name in names if name.startswith('drawing.')}
+    rest = (x.split('.') for x in unknown if x not in changes)
+    if any(x[0] == 'drawing' and x[1] not in parts for x in rest):
+        mistakes.check()  # without a group, the other mistakes are mostly consequences
+    found = {_renamed(name, changes): value for name, value in given.items()}
+    # Names below a value do not tell the value.
+    return found | {x: UNKNOWN for name, x in changes.items() if f'{name}.'.startswith(f'{x}.')}
+
+
+def _renamed(name: str, changes: Mapping[str, str]) -> str:
+    """Returns a name, in which the name of a group may have changed."""
+    for old, new in changes.items():
+        if f'{name}.'.startswith(f'{old}.'):
+            return f'{new}{name[len(old) :]}'
+    return name
+
+
+def _without_loads(
+    kind: MechanismAndDrive, chosen: Mapping[str, object], mistakes: Mistakes
+) -> tuple[Any, Any]:
+    """Builds a mechanism without its loads, points and masses, which have mistakes.
+
+    Returns:
+        The mechanism before and after its conversion; None if others have mistakes, too.
+    """
+    bare = {
+        name: 0.0 if name.endswith(('.mass', '.inertia')) else value
+        for name, value in chosen.items()
+        if name.partition('.')[0] not in {'loads', 'points'} and not name.endswith('.center')
+    }
+    try:
+        made = build(MECHANISMS[kind.mechanism], bare)
+        return made, made.converted()
+    except ConfigurationError as error:
+        mistakes.add_new(error)
+        return None, None
+
+
 def _unknown_groups(unknown: Sequence[str], valid: Sequence[str]) -> list[str]:
     """Returns unknown names; those in one unknown group are replaced by the name of the group."""
     known = {name[: match.start()] for name in valid for match in re.finditer(r'\.', name)}
@@ -414,27 +518,37 @@ def _unknown_groups(unknown: Sequence[str], valid: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str], reason: str) -> str:
-    """Returns the error message for an unknown parameter of a mechanism and drive."""
+def _not_a_parameter(
+    name: str, kind: MechanismAndDrive, given: Mapping[str, object], valid: Sequence[str]
+) -> tuple[str, str]:
+    """Returns the error message for an unknown parameter, and what is meant or ''."""
+    mechanism = MECHANISMS[kind.mechanism]
+    reason, (allowed, _) = mechanism.unused(given).get(name, ''), mechanism.drives(given)
     owner = _with_article(DRIVES[kind.drive].subject.format(kind.mechanism))
     mistake = f'{shown(name)} is not a parameter of {owner}'
     group = name.partition('.')[0]
     every = [leaf.name for leaf in parameter_leaves(kind)]  # also of groups that are not given
     if kind.mechanism == 'drawing' and any(x.startswith(f'drawing.{group}') for x in every):
-        return f'{mistake}: indent {group} below drawing'
+        return f'{mistake}: indent {group} below drawing', f'drawing.{name}'
+    inner = name.removeprefix('drawing.')
+    beside = inner.partition('.')[0]
+    if inner != name and beside in {'loads', *(x.partition('.')[0] for x in every)}:
+        return f'{mistake}: {beside} is beside drawing, not in it; indent it less', inner
     if name == 'rate_hz':
-        return f'{mistake}: measurements set the rate; leave it out'
+        return f'{mistake}: measurements set the rate; leave it out', ''
     if reason:
-        return f'{mistake}: {reason}; leave it out'
+        return f'{mistake}: {reason}; leave it out', ''
     # A group that is missing here is named as a whole: only a four_bar has rocker.
     sought = name if any(known.startswith(f'{group}.') for known in valid) else group
     drives = _others(sought, DRIVES, kind.drive)
     mechanisms = _others(sought, MECHANISMS, kind.mechanism)
     having = [*(f'a crank with drive: {x}' for x in drives), *map(_with_article, mechanisms)]
     if having:
-        cure = ''.join(f'write drive: {x}, or ' for x in drives[:1])
-        return f'{mistake}: only {" or ".join(having)} has {sought}; {cure}leave it out'
-    return unknown_name(name, owner, [*valid, *every], 'linkage_record --help-parameters')
+        cure = ''.join(f'write drive: {x}, or ' for x in drives[:1] if x in (allowed or drives))
+        return f'{mistake}: only {" or ".join(having)} has {sought}; {cure}leave it out', ''
+    every = [*valid, *every]
+    words = unknown_name(name, owner, every, 'linkage_record --help-parameters')
+    return words, meant_parameter(name, every)
 
 
 def _with_article(name: str) -> str:

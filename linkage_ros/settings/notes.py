@@ -12,7 +12,8 @@ import numpy as np
 
 from linkage_ros.errors import UnreachableError
 from linkage_ros.mechanism.axes import carriers_of
-from linkage_ros.mechanism.drawing import Drawing, contradictions
+from linkage_ros.mechanism.drawing import Drawing
+from linkage_ros.mechanism.drawing_checks import contradictions
 from linkage_ros.mechanism.exact import UNITS
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
