@@ -294,8 +294,8 @@ def _configured(name: str, given: Mapping[str, object], *, checks_drive: bool) -
     mistakes = Mistakes()
     kind = _kind_of({**preset, **given}, mistakes)
     can_drive = not mistakes
-    given = _without_kindless(given, kind, mistakes)
-    given = _with_known_names(given, kind, mistakes)
+    given, valid = _without_kindless(given, kind, mistakes)
+    given = _with_known_names(given, kind, [leaf.name for leaf in valid], mistakes)
     chosen = {**preset, **given}
     is_known = not any(value is UNKNOWN for value in given.values())
     # Each is None only after a mistake.
@@ -424,31 +424,34 @@ def _kind_of(chosen: Mapping[str, object], mistakes: Mistakes) -> MechanismAndDr
 
 def _without_kindless(
     given: Mapping[str, object], kind: MechanismAndDrive, mistakes: Mistakes
-) -> Mapping[str, object]:
-    """Returns the values without loads that have no valid kind, and collects these mistakes."""
+) -> tuple[Mapping[str, object], tuple[Leaf, ...]]:
+    """Leaves out loads that have no valid kind, and collects these mistakes.
+
+    Returns:
+        The other values, and the parameters that there may be.
+    """
     with suppress(ConfigurationError):
-        parameter_leaves(kind, given)
-        return given
+        return given, parameter_leaves(kind, given)
     loads = {'.'.join(name.split('.')[:2]) for name in given if name.startswith('loads.')}
     for load in sorted(loads)[:MOST_LISTED]:
         own = {name: value for name, value in given.items() if name.startswith(f'{load}.')}
         with mistakes:
             parameter_leaves(kind, own)
             loads.remove(load)
-    return {
+    kept = {
         name: value for name, value in given.items() if '.'.join(name.split('.')[:2]) not in loads
     }
+    return kept, parameter_leaves(kind, kept)
 
 
 def _with_known_names(
-    given: Mapping[str, object], kind: MechanismAndDrive, mistakes: Mistakes
+    given: Mapping[str, object], kind: MechanismAndDrive, names: Sequence[str], mistakes: Mistakes
 ) -> Mapping[str, object]:
     """Returns the values with each misspelt name as it is meant, and collects these mistakes.
 
     Raises:
         ConfigurationError: Other mistakes would be consequences.
     """
-    names = [leaf.name for leaf in parameter_leaves(kind, given)]
     known = {*names}
     unknown = [parameter for parameter in given if parameter not in known]
     if not unknown:
