@@ -62,16 +62,17 @@ TYPES = {
 ALTERED = """
 import os, sys, time
 from linkage_ros.executables import node
+from linkage_ros.node.health import HealthMonitor
 from linkage_ros.run.states import Simulator
 
-state = Simulator.state
+function = {function}
 
 def altered(*arguments):
     if os.path.exists({now!r}):
         {action}
-    return state(*arguments)
+    return function(*arguments)
 
-Simulator.state = altered
+{function} = altered
 sys.exit(node())
 """
 
@@ -189,6 +190,7 @@ ENDS = {
     'SIGQUIT': (signal.SIGQUIT, 0, EFFORTS),
     'SIGHUP': (signal.SIGHUP, 0, TRAJECTORIES),
     'error': ('raise ZeroDivisionError', 1, EFFORTS),
+    'error in a report': ('raise ZeroDivisionError', 1, EFFORTS),
     'end of the motion': (LAW, 1, EFFORTS),
     'hanging tick': ("print('hangs', flush=True) or time.sleep(1e6)", 1, EFFORTS),
     'killed': (signal.SIGKILL, -9, EFFORTS),
@@ -205,7 +207,8 @@ def test_plant_moves_without_torque_after_the_end_of_the_node(tmp_path, cause):
     given |= {**machine, **how} if isinstance(how, dict) else machine
     now, program = tmp_path / 'now', 'node'
     if isinstance(how, str):
-        program = ALTERED.format(action=how, now=str(now))
+        function = 'HealthMonitor.report' if 'report' in cause else 'Simulator.state'
+        program = ALTERED.format(action=how, now=str(now), function=function)
     if how is LAW:
         given['use_sim_time'] = 'true'
     with plant(path, topic) as (held, domain):
@@ -231,7 +234,8 @@ def test_plant_moves_without_torque_after_the_end_of_the_node(tmp_path, cause):
         return
     assert_moves_without_torque(path)
     (end,) = LogReader(own).torque_ends
-    assert end.cause == ('SIGINT' if cause == 'hanging tick' else cause)
+    causes = {'hanging tick': 'SIGINT', 'error in a report': 'error'}
+    assert end.cause == causes.get(cause, cause)
     verified(own)
     zeros = [m for m in logged(own)[1][topic] if m.time == end.stamp]
     assert [effort_in(topic, zero.data) for zero in zeros] == [0.0]

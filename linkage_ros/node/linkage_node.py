@@ -75,6 +75,7 @@ class LinkageNode(ParameterNode):
         given = given_values(self)
         configuration = configure(given)
         self._stop = stop
+        self._error: BaseException | None = None  # of a tick or a report, which ends the node
         self._own = {name: {*names} for name, names in configuration.own.items()}
         self._declare_all(configuration)
         self._robot = robot = Robot(configuration)
@@ -163,7 +164,10 @@ class LinkageNode(ParameterNode):
         for topic, message in self._robot.descriptions().items():
             self._publish(topic, message)
         self._ticker.start()
-        self._report_until_stop()
+        try:
+            self._report_until_stop()
+        except Exception as error:  # noqa: BLE001, whatever it is, the torque must end
+            self._fail(error)
         self._ticker.stop(functools.partial(self._stop.join, timeout=_LAST_TICK_SECONDS))
         self._torque.end_for_good(self._cause_of_end())
         wait_for_delivery(self._command_publishers().values())
@@ -176,7 +180,7 @@ class LinkageNode(ParameterNode):
             self._report_totals()
         finally:
             succeeded = self._outputs.close(self._stop.join)
-        failed = self._ticker.error or self._ended
+        failed = self._error or self._ended
         return 0 if succeeded and ended and not failed else 1
 
     def _report_until_stop(self) -> None:
@@ -204,9 +208,8 @@ class LinkageNode(ParameterNode):
         return [line for topic, x in self._sources() for line in x.troubles(topic.name)]
 
     def _cause_of_end(self) -> str:
-        error = self._ticker.error
-        if error:
-            return 'end of the motion' if isinstance(error, MotionError) else 'error'
+        if self._error:
+            return 'end of the motion' if isinstance(self._error, MotionError) else 'error'
         return self._stop.signal or 'end'
 
     def _report_totals(self) -> None:
@@ -433,7 +436,8 @@ class LinkageNode(ParameterNode):
         is_waiting = isinstance(self._ticker, SimTimeTicker) and not has_states
         self._lost = self._lost_sources()
         troubles = ['waiting for /clock'] * is_waiting + self._lost
-        troubles += [f'{name}: the motion has ended' for name in self._ended if name]
+        ended = [*self._ended]  # a copy: the ticker's thread may add to it
+        troubles += [f'{name}: the motion has ended' for name in ended if name]
         for subscription, _ in self._sources():
             troubles += subscription.mistyped()
         return troubles
@@ -447,6 +451,8 @@ class LinkageNode(ParameterNode):
                 linkage.first = ()
 
     def _fail(self, error: BaseException) -> None:
+        """Ends the node because of an error in a tick or a report."""
+        self._error = self._error or error
         kind = (
             ''
             if isinstance(error, LinkageError)

@@ -58,7 +58,6 @@ class Ticker:
 
     Attributes:
         counts: Counts of the ticks.
-        error: The error raised by a callback, or None.
         t0: Stamp of tick 0 on the current clock, ns; set at the first tick.
     """
 
@@ -82,7 +81,6 @@ class Ticker:
                 driven by messages.
         """
         self.counts = TickCounts()
-        self.error: BaseException | None = None
         self.t0 = 0
         self._ticks, self._tick, self._restamp, self._fail = ticks, tick, restamp, fail
         self._receive = receive
@@ -115,7 +113,6 @@ class Ticker:
                 if self.counts.kept == 1:
                     self.counts.start = time.monotonic_ns() / NS_PER_S
         except BaseException as error:  # noqa: BLE001, the node must learn of every error
-            self.error = error
             self._fail(error)
 
     def _due(self) -> Iterator[tuple[Any, ...]]:
