@@ -39,10 +39,10 @@ from linkage_ros.palette import colors_of
 if TYPE_CHECKING:
     from linkage_lab.pump.shooting import PeriodicMotion
 
-# Speed of a crank that is drawn over its arc, or of a cylinder over its stroke, m/s; and the part
-# of the arc or stroke left out at each end.
 # Mean power, relative to its rms, beyond the errors of a mean of 0.
 _NET = 0.01
+# Speed of a crank that is drawn over its arc, or of a cylinder over its stroke, m/s; and the part
+# of the arc or stroke left out at each end.
 _SLOW_RPM, _SLOW, _MARGIN = 1.0, 0.01, 0.01
 _BEFORE = 16  # ulp of the largest time; the time just before a point of a law
 # Names and units of the motion of a link that slides, or of a point, and of a link that turns.

@@ -228,11 +228,6 @@ class Tape:
         kinds = (self.lines[i].operation for i in self._inner)
         return sum(kind not in {'input', 'require'} and kind[0] != '[' for kind in kinds)
 
-    @property
-    def calls_functions(self) -> bool:
-        """Whether the program calls an opaque function for a value."""
-        return any(line.operation == 'call' for line in self.lines)
-
     def source(self, guard: str, *, for_arrays: bool = False, term: str = '{}') -> Source:
         """Writes the program.
 
