@@ -307,6 +307,69 @@ def test_invalid_measurements_in_messages_of_their_own_end_a_torque_at_once(tmp_
     assert ends == [('boom', 'invalid measurement'), ('', 'SIGINT')]
 
 
+# Slider-cranks without mass, whose guides have no force until somebody pushes; then friction locks
+# them.
+LOCKING = {
+    'mechanism': 'slider_crank', 'drive': 'follow', 'gravity': [0.0, 0.0],
+    'crank.length': 0.1, 'coupler.length': 0.11,
+    'loads.rails.kind': 'friction', 'loads.rails.guide': 1.5,
+    'loads.push.kind': 'force', 'loads.push.link': 'slider', 'loads.push.force': [0.0, 0.0],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('together', [True, False])
+def test_measurements_of_a_linkage_that_a_force_has_locked_are_rejected(tmp_path, together):
+    """Its torque ends at once, also if no state of the other one holds the 0."""
+    log, sides = tmp_path / 'run.mcap', ('left', 'right')
+    values = {**LOCKING, 'linkages': [*sides], 'effort_command_topic': 'efforts',
+              'measurement_timeout': 0.0, 'log': str(log),
+              **{f'{side}.loads.push.wrench_topic': f'{side}/push' for side in sides},
+              'loads.push.wrench_timeout': 60.0}  # fmt: skip
+    with watched(TYPES, *arguments_of(tmp_path, values)) as (listener, node):
+        push = listener.node.create_publisher(WrenchStamped, '/left/push', 10)
+        robot = listener.node.create_publisher(JointState, '/measured_joint_states', 10)
+        wait_for(robot.get_subscription_count)
+        states, efforts = listener.received[STATES], listener.received[EFFORTS]
+        stamps, cranks = itertools.count(1), ('left_crank', 'right_crank')
+
+        def measure():
+            for names in [cranks] if together else zip(cranks, strict=True):
+                stamp = next(stamps) * MS
+                message = JointState(name=[*names], position=[1.2 + stamp * 1e-11] * len(names),
+                                     velocity=[1.0] * len(names))  # fmt: skip
+                message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+                robot.publish(message)
+
+        def held():
+            return {joint.partition('_')[0] for state in states[-2:] for joint in joints_in(state)}
+
+        wait_for(lambda: measure() or len(states) > 20)
+        assert held() == {*sides}
+        wait_for(lambda: measure() or push.publish(wrench(50.0, 0.0)) or held() == {'right'})
+        count = len(states)
+        wait_for(lambda: measure() or len(states) > count + 20)
+        assert held() == {'right'}
+        output = stop(node, code=1)
+    assert 'friction locks the mechanism' in output
+    assert 'left: its motion has ended' in output
+    assert output.rstrip().endswith('; ended early: left')
+    assert efforts_in(efforts[-1]) == [0.0, 0.0]
+    assert verified(log).states == len(logged(log)[1][STATES])
+    ends = [(end.linkage, end.cause) for end in LogReader(log).torque_ends]
+    assert ends == [('left', 'end of the motion'), ('', 'SIGINT')]
+    (cranks,) = Robot(configure(values)).inputs().values()
+    left = cranks.sources['left']
+    left._last -= 10.0
+    assert left.troubles('measured_joint_states')
+    left.has_ended = True
+    assert not left.troubles('measured_joint_states')
+    # Negative controls: without the record, and with that of another linkage.
+    for other in ({}, {'right': LogReader(log).linkage_ends['left']._replace(linkage='right')}):
+        forged = LogReader(log)
+        forged.linkage_ends = other
+        assert verify(forged).difference
+
+
 def test_a_linkage_that_cannot_run_live_is_refused_by_its_name(tmp_path):
     own = {k: v for k, v in LEGS.items() if 'motion' not in k and 'effort' not in k}
     values = {**own, 'drive': 'torque', 'left.command_timeout': 1e-3, 'rate_hz': 10.0}

@@ -339,6 +339,8 @@ class MeasuredStates(ExpectedStates):
         self._channel = log.channel(MEASURED_JOINT_STATES)
         self._motions: dict[str, tuple[Any, ...]] = log.motions
         self._segments = dict.fromkeys(robot.names, 0)
+        # The ends that have not been reached, by linkage.
+        self._ends = dict(log.linkage_ends)
         # Measurements whose states are still to be compared.
         self._next: list[Measurement] = []
         self._efforts = HeldEfforts(robot.names)
@@ -358,8 +360,11 @@ class MeasuredStates(ExpectedStates):
         self, linkages: tuple[str, ...], stamps: npt.NDArray[np.int64]
     ) -> Iterator[tuple[Segments, list[int]]]:
         """Yields the leading stamps that match the next measurements; see `ExpectedStates`."""
-        while self._next and not self._next[0].coordinates:  # it has no state
-            self._efforts.end(self._next.pop(0).ended)
+        while self._next:
+            self._end_motions(linkages, int(stamps[0]))
+            if self._next[0].coordinates:
+                break
+            self._efforts.end(self._next.pop(0).ended)  # it has no state
         ended = self._next[0].ended if self._next else ()
         fit = list[int]()
         for stamp, one in zip(stamps.tolist(), self._next, strict=False):
@@ -371,6 +376,18 @@ class MeasuredStates(ExpectedStates):
         for chosen in product(*(self._segments_of(name, fit) for name in linkages)):
             segments = dict(zip(linkages, (number for number, _ in chosen), strict=True))
             yield segments, min((ticks for _, ticks in chosen), key=len)
+
+    def _end_motions(self, linkages: tuple[str, ...], stamp: int) -> None:
+        """Ends the motions that end at the next measurement, given the next state."""
+        now = self._next[0].stamp
+        for name in self._next[0].linkages:
+            has_state = stamp == now and name in linkages
+            if has_state or name not in self._ends or self._ends[name].stamp != now:
+                continue
+            del self._ends[name]
+            self._efforts.end([name])
+            self._cranks.sources[name].has_ended = True
+            self._next = [one.without(name) for one in self._next]
 
     def _segments_of(self, name: str, fit: list[int]) -> list[tuple[int, list[int]]]:
         """Returns the segments of a linkage that may begin with stamps, and their stamps."""

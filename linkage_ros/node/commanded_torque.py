@@ -15,6 +15,7 @@ from linkage_ros.log.records import TorqueEnd
 
 # Causes of zeros.
 MEASUREMENT_TIMEOUT, INVALID_MEASUREMENT = 'measurement_timeout', 'invalid measurement'
+END_OF_MOTION = 'end of the motion'
 
 
 class CommandedTorque:

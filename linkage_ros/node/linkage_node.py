@@ -21,7 +21,11 @@ from linkage_ros.messages.topics import DIAGNOSTICS, SIMULATED_CLOCK, Topic, pre
 from linkage_ros.motion.drives.follow import MeasuredCrank
 from linkage_ros.motion.inputs import Received, SharedInput
 from linkage_ros.motion.segments import Coordinates, Motion
-from linkage_ros.node.commanded_torque import INVALID_MEASUREMENT, CommandedTorque
+from linkage_ros.node.commanded_torque import (
+    END_OF_MOTION,
+    INVALID_MEASUREMENT,
+    CommandedTorque,
+)
 from linkage_ros.node.endpoints import (
     PolledSubscription,
     StatePublisher,
@@ -209,7 +213,7 @@ class LinkageNode(ParameterNode):
 
     def _cause_of_end(self) -> str:
         if self._error:
-            return 'end of the motion' if isinstance(self._error, MotionError) else 'error'
+            return END_OF_MOTION if isinstance(self._error, MotionError) else 'error'
         return self._stop.signal or 'end'
 
     def _report_totals(self) -> None:
@@ -276,6 +280,8 @@ class LinkageNode(ParameterNode):
         for _, source in self._inputs:
             source.sources[name].has_ended = True
         self._outputs.log_linkage_end(LinkageEnd(stamp, str(error), name))
+        if self._robot.drive.is_measured:  # the next state of another linkage may never come
+            self._torque.end([name], END_OF_MOTION)
 
     def _received(
         self,

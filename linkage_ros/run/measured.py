@@ -34,6 +34,11 @@ class Measurement(NamedTuple):
     linkages: tuple[str, ...]
     ended: tuple[str, ...]
 
+    def without(self, linkage: str) -> 'Measurement':
+        """Returns the measurement if a linkage had not accepted it."""
+        found = {name: x for name, x in self.coordinates.items() if name != linkage}
+        return self._replace(coordinates=found, linkages=tuple(found))
+
 
 def measurement_of(time: int, received: Received) -> Measurement:
     """Returns a measurement, given its time of receipt, ns, and its contents."""

@@ -184,6 +184,7 @@ class MeasuredCrank(Input):
             ValueError: The message must be rejected.
         """
         crank = self._decode(data, self._joint, self._machine.joint)
+        self.require_motion()
         stamp = crank.stamp or received
         # A filter must not see a measurement that is rejected.
         if self._frame:
@@ -259,7 +260,8 @@ class MeasuredCrank(Input):
 
     def troubles(self, topic: str) -> list[str]:
         """Returns a warning if measurements stopped, or stop often."""
-        if time.monotonic() - self._last < self._silence and not self._losses.are_frequent:
+        is_heard = time.monotonic() - self._last < self._silence
+        if self.has_ended or (is_heard and not self._losses.are_frequent):
             return []
         crank = self._machine.crank
         if self._frame:
