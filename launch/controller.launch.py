@@ -5,6 +5,7 @@
 ros2 launch linkage_ros controller.launch.py params:=quadrilateral rpm:=600.0 log:=run.mcap
 """
 
+from linkage_ros.messages.topics import prefix_of
 from linkage_ros.node.launching import (
     NAMES,
     OUTPUTS,
@@ -16,6 +17,7 @@ from linkage_ros.node.launching import (
 
 ARGUMENTS = {
     'params': ('quadrilateral', 'parameter file or preset of the plant'),
+    'linkage': ('', 'the linkage to control, if the plant has several'),
     'rpm': ('150.0', 'speed to keep'),
     'feed_forward': ('true', 'add the exact torque'),
     'torque_limit': ('400.0', 'largest torque on the plant, N m'),
@@ -32,11 +34,11 @@ def start(arguments: dict[str, str]) -> list:
         'command_timeout': 0.02,
         **plant(arguments),
         'rate_hz': 1000.0,
-        'start_rpm': speed.get('rpm', 0.0),
+        f'{prefix_of(arguments["linkage"], ".")}start_rpm': speed.get('rpm', 0.0),
         **common,
         **given(arguments, ('torque_limit', *OUTPUTS)),
     }
-    own = {'plant': arguments['params'], **given(arguments, ['feed_forward'])}
+    own = {'plant': arguments['params'], **given(arguments, ['linkage', 'feed_forward'])}
     return [
         program('linkage_controller', arguments, {**common, **speed, **own}),
         program('linkage_node', arguments, node),

@@ -270,6 +270,43 @@ def test_plant_of_a_file_is_driven_by_the_torque_of_its_controller(launched, tmp
     assert {tuple(node.ros_arguments) for node in nodes.values()} == {('--log-level', 'debug')}
 
 
+LEGS = """
+/**:
+  ros__parameters:
+    linkages: [left, right]
+    rpm: 30.0
+    mechanism: slider_crank
+    crank: {length: 0.05, mass: 0.2}
+    coupler: {length: 0.2, mass: 0.3}
+    right: {slider: {mass: 2.0}}
+"""
+
+
+def test_controller_keeps_the_speed_of_one_of_several_linkages(launched, tmp_path):
+    file, domain = tmp_path / 'legs.yaml', fresh_domain()
+    file.write_text(LEGS)
+    for linkage in ('', 'middle'):
+        with pytest.raises(ConfigurationError, match=r'legs.yaml: the linkages are left, right: '):
+            launched(CONTROLLER, params=str(file), linkage=linkage)
+    nodes, _ = launched(CONTROLLER, params=str(file), linkage='right', rpm='60')
+    plant, controller = (
+        ros_arguments(nodes[name]) for name in ('linkage_node', 'linkage_controller')
+    )
+    values = values_of(nodes['linkage_node'])
+    assert (values['right.start_rpm'], 'start_rpm' in values) == (60, False)
+    topic = '/joint_commands'
+    with (
+        Listener(domain, {topic: 'sensor_msgs/msg/JointState'}) as heard,
+        running('node', *plant, domain=domain) as node,
+        running('controller', *controller, domain=domain) as other,
+    ):
+        wait_for(lambda: len(heard.received[topic]) > 20)
+        stop(other)
+        stop(node)
+    assert b'right_crank\0' in heard.received[topic][0]
+    assert b'left_crank' not in heard.received[topic][0]
+
+
 def test_controller_of_the_launch_file_keeps_its_speed_in_a_loop_with_delays(launched):
     nodes, _ = launched(CONTROLLER)
     plant, given = (values_of(nodes[f'linkage_{name}']) for name in ('node', 'controller'))

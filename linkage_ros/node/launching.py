@@ -16,7 +16,7 @@ from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutd
 from launch_ros.actions import Node
 from scipy.spatial.transform import Rotation
 
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.errors import ConfigurationError, in_file
 from linkage_ros.messages.templates import ROOT_FRAME
 from linkage_ros.messages.topics import point_topic, prefix_of, topic_of_linkage
 from linkage_ros.messages.urdf import make_urdf, merged_urdf
@@ -55,7 +55,9 @@ OUTPUTS: Arguments = {
     'viewer': ('', VIEWERS),
 }
 # Arguments that are strings even if they look like numbers.
-_TEXTS = ('log', 'viewer', 'joint_prefix', 'effort_command_topic', 'crank_joint', 'frame_id')
+_TEXTS = (
+    'log', 'viewer', 'joint_prefix', 'effort_command_topic', 'crank_joint', 'frame_id', 'linkage',
+)  # fmt: skip
 _COMMON = ('use_sim_time', 'joint_prefix', *OUTPUTS)
 # Limit of the rate of tf, Hz. At the default of 20 Hz, a crank at 150 rpm turns by 45 deg between
 # two transforms.
@@ -147,8 +149,15 @@ def _followed(arguments: Mapping[str, str]) -> Values:
 
 
 def plant(arguments: Mapping[str, str]) -> Values:
-    """Returns the parameters of a linkage that a torque drives, without others of its file."""
-    return _with_drive('torque', arguments)
+    """Returns the parameters of linkages that a torque drives, without others of their file.
+
+    Raises:
+        ConfigurationError: The file cannot be used, or has several linkages and none is chosen.
+    """
+    values = _with_drive('torque', arguments)
+    with in_file(arguments['params']):
+        configure(values).linkage(arguments['linkage'])
+    return values
 
 
 def _with_drive(drive: str, arguments: Mapping[str, str]) -> Values:

@@ -15,7 +15,7 @@ import numpy as np
 from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.errors import ConfigurationError, in_file
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.node.parameter_node import ParameterNode, given_values
@@ -92,7 +92,8 @@ class ControllerNode(ParameterNode):
             if name not in names:
                 raise ConfigurationError(unknown_name(name, _NAME, names, f'{_NAME} --help'))
         settings = build(ControllerSettings, given)
-        plant = load(settings.plant).only
+        with in_file(settings.plant):
+            plant = load(settings.plant).linkage(settings.linkage)
         prefix, session = settings.joint_prefix, plant.session
         if prefix is not None:
             session = replace(session, joint_prefix=prefix)

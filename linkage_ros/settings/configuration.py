@@ -196,7 +196,7 @@ class Configuration:
         names = ', '.join(linkage.name for linkage in self.linkages)
         if not names:
             raise ConfigurationError(f'{shown(name)}: there is one linkage, which has no name')
-        told = f'{shown(name)} is not one of them' if name else 'choose one by its name'
+        told = f'{shown(name)} is not one of them' if name else 'give one of them as linkage'
         raise ConfigurationError(f'the linkages are {names}: {told}')
 
     def parameters(self) -> dict[str, object]:

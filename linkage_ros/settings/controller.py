@@ -15,6 +15,7 @@ class ControllerSettings(Checked):
 
     Attributes:
         plant: Parameter file or preset of the controlled mechanism.
+        linkage: Name of the controlled linkage; empty for the only one.
         rpm: Set crank speed, turns per minute.
         bandwidth: Bandwidth of the speed loop, Hz.
         feed_forward: Whether to add the exact torque.
@@ -28,6 +29,7 @@ class ControllerSettings(Checked):
         'text', 'parameter file, or preset, of the controlled mechanism',
         default=DEFAULT_PRESET,
     )  # fmt: skip
+    linkage: str = quantity('text', 'the controlled linkage, if the plant has several', default='')
     rpm: float = quantity('number', 'crank speed to keep', 'rpm', span=(-1e6, 1e6), default=150.0)
     bandwidth: float = quantity(
         'number', 'bandwidth of the speed loop', 'Hz', span=(0.0, 1e6), default=15.0
