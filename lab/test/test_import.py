@@ -797,12 +797,45 @@ def test_legs_are_appended_to_one_file_as_linkages_of_one_node(called, run, tmp_
         assert linkage.session.plane.link == robot.session.plane.link
     before = out.read_bytes()
     rest = (*own, '-o', out, '--linkage')
-    assert_refused(*called(import_tool, model, *rest, 'right'), 'named twice')
+    assert_refused(*called(import_tool, model, *rest, 'right'), 'give --overwrite to replace')
     assert_refused(*called(import_tool, model, *rest, 'third'), "each have a joint 'right_")
     assert_refused(*called(import_tool, model, *rest, 'crank'), "'crank' is a parameter")
     other = tmp_path / 'leg.yaml'  # of a linkage without a name
     assert_refused(*called(import_tool, model, *own, '-o', other, '--linkage', 'a'), 'leg.yaml')
     assert out.read_bytes() == before
+
+
+def test_a_linkage_of_several_is_imported_again(called, tmp_path):
+    out, model = tmp_path / 'robot.yaml', tmp_path / 'leg.urdf'
+
+    def import_leg(name, text, *more):
+        model.write_text(re.sub('joint name="', f'joint name="{name}_', text))
+        own = [word.replace('knee_motor', f'{name}_knee_motor') for word in CLOSE]
+        return called(import_tool, model, *own, '-o', out, '--linkage', name, *more)
+
+    for name in ('left', 'middle', 'right'):
+        assert import_leg(name, LEG)[0] == 0
+    mine = '    # my own words\n    right:\n      follow_bandwidth: 7.0\n'
+    written = out.read_text().replace('    right:\n', mine)
+    heavier = re.sub('<mass value="[^"]*"', '<mass value="7.5"', LEG)
+    for name, kept in (('middle', 'follow_bandwidth: 7.0'), ('left', ''), ('right', '')):
+        out.write_text(written)
+        before = load(str(out))
+        assert_refused(*import_leg(name, heavier), 'give --overwrite to replace it')
+        assert out.read_text() == written
+        code, _, error = import_leg(name, heavier, '--overwrite')
+        assert code == 0, error
+        assert ('left out of' in error) == (name == 'right')
+        assert 'right.follow_bandwidth' in error or name != 'right'
+        text = out.read_text()
+        assert '    # my own words\n' in text
+        assert kept in text
+        after = load(str(out))
+        assert [one.name for one in after.linkages] == ['left', 'middle', 'right']
+        for old, new in zip(before.linkages, after.linkages, strict=True):
+            assert (old == new) == (old.name != name)
+    out.write_text(text.replace('    left:\n', '    left: # mine\n'))
+    assert_refused(*import_leg('left', LEG, '--overwrite'), 'it has no line left: alone')
 
 
 def test_rounded_axis_is_taken_as_parallel_with_a_note(run):

@@ -93,8 +93,8 @@ def parameter_text(found: RobotDrawing, source: str) -> str:
     return _file(source, _lines(_tree({'drive': 'follow', **file_values(found)}), '    '))
 
 
-def appended_text(found: RobotDrawing, source: str, linkage: str, text: str) -> str:
-    """Appends the linkage of a robot to a parameter file of several linkages.
+def text_with(found: RobotDrawing, source: str, linkage: str, text: str) -> str:
+    """Appends the linkage of a robot to a parameter file of several linkages, or replaces it.
 
     Args:
         found: The linkage.
@@ -106,7 +106,7 @@ def appended_text(found: RobotDrawing, source: str, linkage: str, text: str) -> 
         The YAML text.
 
     Raises:
-        ConfigurationError: The text has no list of linkages, or has this one.
+        ConfigurationError: The text has no list of linkages, or not the lines of this one.
     """
     text = text or _file(source, (f'{_LIST}]', '    drive: follow'))
     listed = re.search(rf'^{re.escape(_LIST)}(.*)\]$', text, re.MULTILINE)
@@ -116,11 +116,21 @@ def appended_text(found: RobotDrawing, source: str, linkage: str, text: str) -> 
             'another file'
         )
     names = [name for name in listed[1].split(', ') if name]
-    if linkage in names:
-        raise ConfigurationError(f'it has a linkage {linkage}: choose another name, or remove it')
-    whole = f'{_LIST}{", ".join([*names, linkage])}]'
-    group = [f'    {linkage}:', *_lines(_tree(file_values(found)), '      ')]
-    return '\n'.join((text.replace(listed[0], whole).rstrip(), *group, ''))
+    head = f'    {linkage}:'
+    group = [head, *_lines(_tree(file_values(found)), '      ')]
+    lines = text.rstrip().split('\n')
+    if linkage not in names:
+        whole = f'{_LIST}{", ".join([*names, linkage])}]'
+        lines = [*text.replace(listed[0], whole).rstrip().split('\n'), *group]
+    elif head in lines:
+        first = lines.index(head)
+        after = [i for i in range(first + 1, len(lines)) if not lines[i].startswith('     ')]
+        lines[first : min(after, default=len(lines))] = group
+    else:
+        raise ConfigurationError(
+            f'it has no line {head.strip()} alone, as {_NAME} writes it: remove the linkage'
+        )
+    return '\n'.join((*lines, ''))
 
 
 def file_values(found: RobotDrawing) -> dict[str, object]:
@@ -255,8 +265,9 @@ def import_robot(options: argparse.Namespace) -> None:
         linkage = configure({'drive': 'follow', **found.parameters}).only
     except ConfigurationError as error:
         raise ConfigurationError(f'{options.robot}: {error}') from error
-    save_text(options.out, _text(options, found))
-    cli.print_notes([*found.notes, *notes_on(linkage)])
+    text, left_out = _text(options, found)
+    save_text(options.out, text)
+    cli.print_notes([*found.notes, *notes_on(linkage), *left_out])
     if str(options.out) == STANDARD_OUTPUT:
         return
     print(summary(found, linkage.mechanism_words))
@@ -265,24 +276,49 @@ def import_robot(options: argparse.Namespace) -> None:
     print(f'{options.out}; linkage_chart motion {options.out}{of_one}{speed} shows it')
 
 
-def _text(options: argparse.Namespace, found: RobotDrawing) -> str:
-    """Returns the parameter file to write.
+def _text(options: argparse.Namespace, found: RobotDrawing) -> tuple[str, list[str]]:
+    """Returns the parameter file to write, and a note on what it has no longer.
 
     Raises:
         ConfigurationError: The linkage does not fit to those of an existing file.
     """
     source, out = options.robot.name, options.out
     if not options.linkage:
-        return parameter_text(found, source)
+        return parameter_text(found, source), []
     try:
-        before = read_values(str(out)) if out.exists() else {}
-        names = [*before.get('linkages', ()), options.linkage]  # type: ignore[misc]
-        own = {f'{options.linkage}.{name}': x for name, x in file_values(found).items()}
-        configure({'drive': 'follow', **before, 'linkages': names, **own})
+        left_out = _left_out(options, file_values(found))
         text = out.read_text(encoding='utf-8') if out.exists() else ''
-        return appended_text(found, source, options.linkage, text)
+        return text_with(found, source, options.linkage, text), left_out
     except ConfigurationError as error:
         raise ConfigurationError(f'{out}: {error}') from error
+
+
+def _left_out(options: argparse.Namespace, values: Mapping[str, object]) -> list[str]:
+    """Checks the parameters of a linkage with those of an existing file.
+
+    Returns:
+        A note on the parameters that only the replaced linkage has, if any.
+
+    Raises:
+        ConfigurationError: The linkage does not fit to the others, or must not be replaced.
+    """
+    out, prefix = options.out, f'{options.linkage}.'
+    before: dict[str, Any] = read_values(str(out)) if out.exists() else {}
+    names = [*before.get('linkages', ())]
+    own = {f'{prefix}{name}': x for name, x in values.items()}
+    gone = []
+    if options.linkage not in names:
+        names.append(options.linkage)
+    elif options.overwrite:
+        gone = [name for name in before if name.startswith(prefix) and name not in own]
+        before = {name: x for name, x in before.items() if not name.startswith(prefix)}
+    else:
+        raise ConfigurationError(
+            f'it has a linkage {options.linkage}: choose another name, or give --overwrite to '
+            'replace it'
+        )
+    configure({'drive': 'follow', **before, 'linkages': names, **own})
+    return [f'left out of {out}, where they were: {", ".join(gone)}'] if gone else []
 
 
 def _require_close_ends(found: RobotDrawing, options: argparse.Namespace) -> None:
@@ -376,7 +412,8 @@ def _parser() -> argparse.ArgumentParser:
         }),
         (('--linkage',), None, {
             'metavar': 'NAME', 'default': '',
-            'help': 'append the linkage under this name to OUT.yaml, for several in one node',
+            'help': 'append the linkage under this name to OUT.yaml, for several in one node, or '
+            'replace it with --overwrite',
         }),
         cli.OVERWRITE,
     ])  # fmt: skip
