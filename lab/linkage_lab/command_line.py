@@ -119,12 +119,15 @@ def _parser() -> argparse.ArgumentParser:
         'motion': cli.Command(
             _run, 'position, torque and load over one period: picture and CSV',
             ('quadrilateral', 'my_linkage.yaml --rpm 30 --reactions --out charts',
-             'my_linkage.yaml --fluctuation 0.02', 'long_rod.yaml short_rod.yaml'),
+             'my_linkage.yaml --fluctuation 0.02', 'long_rod.yaml short_rod.yaml',
+             'robot.yaml --linkage left --linkage right'),
             (
                 (('params',), None,
                  {'metavar': 'PARAMS', 'nargs': '+',
                   'help': f'{presets}; several are compared'}),
-                _LINKAGE,
+                (('--linkage',), None,
+                 {'metavar': 'NAME', 'action': 'append', 'default': [],
+                  'help': 'the linkage, if PARAMS has several; repeat it to compare them'}),
                 rpm,
                 (('--acceleration',),
                  Quantity('number', 'crank acceleration at every angle', 'rad/s^2', -1e9, 1e9),

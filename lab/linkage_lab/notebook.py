@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from linkage_lab.charts.movie import page_of
 from linkage_lab.charts.sketch import HIGH, describe, draw_sketch, sketch_of
-from linkage_lab.output import DPI, STYLE, WIDTH, rounded
+from linkage_lab.output import DPI, STYLE, WIDTH, name_of, rounded
 from linkage_lab.period import Period, logged_period, period_to_show
 from linkage_ros import Drawing, LinkageError, Mechanism, Solver, load
 from linkage_ros.internals import Configuration, Linkage, configuration_of, logged_states
@@ -66,7 +66,9 @@ def show(thing: Thing, rpm: float | None, linkage: str = '') -> Shown:
     else:
         design = _configured(thing, rpm, linkage)
         motion = None
-    name = motion.name if motion else path.stem if path else type(design.mechanism).__name__
+    name = type(design.mechanism).__name__
+    if path is not None:
+        name = motion.name if motion else name_of(path, design)
     sketched = sketch_of(design)
     figure = Figure(figsize=(WIDTH, HIGH), dpi=DPI)
     with rc_context(STYLE):

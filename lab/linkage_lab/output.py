@@ -84,6 +84,16 @@ def new_file(options: argparse.Namespace, path: Path) -> Path:
     return path
 
 
+def name_of(source: Path | str, design: Any) -> str:
+    """Returns the name of a design in titles and in names of files.
+
+    Args:
+        source: Its parameter file or preset.
+        design: The configuration of the linkage, whose name is added if it has one.
+    """
+    return '_'.join(filter(None, (Path(source).stem, design.name)))
+
+
 def doubts(*linkages: Any) -> list[str]:
     """Returns a line for each parameter that was probably given in another unit."""
     return [line for one in linkages for line in notes_on(one)]

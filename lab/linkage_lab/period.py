@@ -6,13 +6,12 @@ import functools
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
 from linkage_lab.gaps import Column, around_gaps, at_change_points
-from linkage_lab.output import progress
+from linkage_lab.output import name_of, progress
 from linkage_lab.sampling import (
     integral,
     interpolated,
@@ -313,7 +312,7 @@ def period_to_show(
     Raises:
         ConfigurationError: The mechanism or the options cannot be used.
     """
-    name, kind = Path(source).stem, design.mechanism_words
+    name, kind = name_of(source, design), design.mechanism_words
     # If the crank angle does not determine the motion, the motor does.
     solver = Solver(design.mechanism)
     reach, law = solver.mobility, design.drive.law(solver.structure.driven_link)

@@ -455,6 +455,60 @@ def test_several_mechanisms_are_drawn_side_by_side_with_one_table(tmp_path, call
         assert (np.abs(pixels * 255 - color).max(axis=-1) < 2).sum() > 500
 
 
+TWO = {
+    'linkages': ['left', 'right'], 'rpm': 60.0, 'mechanism': 'slider_crank',
+    'crank.length': 0.05, 'coupler.length': 0.2, 'slider.mass': 1.0, 'right.crank.length': 0.06,
+}  # fmt: skip
+
+
+def test_linkages_of_one_file_are_compared(tmp_path, called, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path('two.yaml').write_text(json.dumps({'/**': {'ros__parameters': TWO}}))
+    for name, length in (('two_left', 0.05), ('two_right', 0.06)):
+        alone = {x: y for x, y in TWO.items() if x != 'linkages' and '.crank' not in x}
+        text = json.dumps({'/**': {'ros__parameters': {**alone, 'crank.length': length}}})
+        Path(f'{name}.yaml').write_text(text)
+    both = '--linkage', 'left', '--linkage', 'right'
+    told = {}
+    for words in (['two.yaml', *both], ['two_left.yaml', 'two_right.yaml']):
+        code, out, error = called(command_line, 'motion', *words, '--format', 'svg', '--overwrite')
+        assert code == 0, error
+        picture = Path('comparison.svg').read_text(encoding='utf-8')
+        assert all(f'<!-- {name} -->' in picture for name in ('two_left', 'two_right'))
+        told[words[0]] = out, Path('comparison.csv').read_text()
+    one, other = told.values()
+    assert one == other
+    assert one[1].splitlines()[1].startswith('two_left,')
+    code, out, error = called(
+        command_line, 'motion', 'two.yaml', 'wiper', '--linkage', 'right', '--overwrite'
+    )
+    assert_refused(code, out, error, "'right': there is one linkage")
+    twice = 'motion', 'two.yaml', '--linkage', 'left', '--linkage', 'left'
+    assert_refused(*called(command_line, *twice), 'two_left is given twice')
+    assert_refused(*called(command_line, 'motion', 'two.yaml'), 'are left, right: give one')
+    many = [word for _ in range(8) for word in ('--linkage', 'left')]
+    assert_refused(*called(command_line, 'motion', 'two.yaml', *many), 'at most 7')
+
+
+@pytest.mark.parametrize(
+    ('command', 'files'),
+    [
+        (['motion', '--fluctuation', '0.1'], ['flywheel.png', 'motion.csv', 'motion.png']),
+        (['sketch'], ['sketch.png']),
+        (['economy', '--quick'], ['economy.json', 'economy.png']),
+    ],
+    ids=lambda words: words[0],
+)
+def test_names_of_files_and_titles_tell_the_linkage(command, files, tmp_path, called, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path('two.yaml').write_text(json.dumps({'/**': {'ros__parameters': TWO}}))
+    first, *more = command
+    code, out, error = called(command_line, first, 'two.yaml', '--linkage', 'right', *more)
+    assert code == 0, error
+    assert sorted(path.name for path in tmp_path.glob('*_*')) == [f'two_right_{x}' for x in files]
+    assert out.startswith('two_right')
+
+
 def test_a_sheet_without_diagrams_says_what_is_constant(tmp_path, called, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = CHANGE_POINT.replace(', mass: 1.0, center: [1.5, 0.2]', '')
@@ -602,7 +656,7 @@ def test_loads_that_drive_the_crank_are_noted(
 def test_loads_of_a_preset_do_not_drive_it(preset):
     configuration = load(preset)
     period, _ = period_to_show(preset, configuration.only, None)
-    assert _driven_by_loads([configuration], {preset: period}) == []
+    assert _driven_by_loads({preset: configuration}, {preset: period}) == []
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import math
 import textwrap
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -25,6 +24,7 @@ from linkage_lab.output import (
     Pictures,
     chart,
     doubts,
+    name_of,
     new_file,
     pictures,
     progress,
@@ -115,7 +115,8 @@ def economy(options: argparse.Namespace) -> None:
         ConfigurationError: No speed is given, or a file cannot be written.
         MechanismError: The crank angle does not determine the motion, or no torque is needed.
     """
-    configuration, name = load(options.params).linkage(options.linkage), Path(options.params).stem
+    configuration = load(options.params).linkage(options.linkage)
+    name = name_of(options.params, configuration)
     measured = Economy(configuration.mechanism, name)
     own, rpms = _speeds(options.params, configuration.drive, options.rpm or [])
     records = new_file(options, options.out / f'{name}_economy.json')

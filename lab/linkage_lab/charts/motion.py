@@ -15,7 +15,7 @@ from linkage_lab.charts.curves import DESIGN_COLORS, NOISE
 from linkage_lab.charts.motion_sheet import draw_sheet
 from linkage_lab.charts.sketch import DRAWN_AT, sketch_at
 from linkage_lab.command_line import FORMATS
-from linkage_lab.output import doubts, new_file, pictures, rounded, save_csv
+from linkage_lab.output import doubts, name_of, new_file, pictures, rounded, save_csv
 from linkage_lab.period import Period, extent, extents, period_to_show, stepped
 from linkage_ros import ConfigurationError, cli, load
 
@@ -29,22 +29,23 @@ def motion(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: A mechanism or an option is invalid, or a file cannot be written.
     """
-    names = _names(options)
+    designs = _designs(options)
+    names = [*designs]
     given = {
         name: value
         for name in ('acceleration', 'reactions', 'fluctuation')
         if (value := getattr(options, name))
     }
-    designs = [load(source).linkage(options.linkage) for source in options.params]
     stem = 'comparison' if len(names) > 1 else f'{names[0]}_motion'
     drawn, table = pictures(options, stem), new_file(options, options.out / f'{stem}.csv')
     flywheel = None
     if options.fluctuation is not None:
         flywheel = pictures(options, f'{names[0]}_flywheel')
     shown = [
-        period_to_show(source, design, options.rpm, **given)
-        for source, design in zip(options.params, designs, strict=True)
+        period_to_show(source, design, options.rpm, **given) for source, design in designs.values()
     ]
+    linkages = {name: design for name, (_, design) in designs.items()}
+    first = linkages[names[0]]
     periods = dict(zip(names, (period for period, _ in shown), strict=True))
     period, title = shown[0]
     if len({(one.across, one.effort) for one in periods.values()}) > 1:
@@ -53,8 +54,9 @@ def motion(options: argparse.Namespace) -> None:
             'and with its force, the others over the crank angle: draw them separately, or give '
             '--rpm'
         )
-    driven = [] if options.acceleration else _driven_by_loads(designs, periods)
-    cli.print_notes([*doubts(*designs), *(x.gap_note for x in periods.values()), *driven])
+    driven = [] if options.acceleration else _driven_by_loads(linkages, periods)
+    gaps = (period.gap_note for period in periods.values())
+    cli.print_notes([*doubts(*linkages.values()), *gaps, *driven])
     if len(names) > 1:
         lines, remarks = _compare(periods, table), []
     else:
@@ -65,7 +67,7 @@ def motion(options: argparse.Namespace) -> None:
         rows = zip(*(values.tolist() for _, values in columns.values()), strict=True)
         save_csv(table, head, ([None if x != x else x for x in row] for row in rows))
         lines = [', '.join(title)]
-        kind, about = designs[0].mechanism_words, title[1]
+        kind, about = first.mechanism_words, title[1]
         about = about if about.startswith(kind) else f'{kind}, {about}'  # as in the file's name
         remarks = [about, *title[2:], f'mean power {rounded(_mean_power(period))} W',
                    f'shown at {_place(period)}']  # fmt: skip
@@ -73,13 +75,10 @@ def motion(options: argparse.Namespace) -> None:
     if flywheel is not None:
         from linkage_lab.charts.flywheel_sheet import size_flywheel  # needs SciPy
 
-        motor = getattr(designs[0].drive, 'motor', None)
+        motor = getattr(first.drive, 'motor', None)
         lines += size_flywheel(period, motor, options.fluctuation, names[0], flywheel)
         files = [*flywheel.paths, *files]
-    sketches = {
-        name: sketch_at(design, one, _shown(one))
-        for design, (name, one) in zip(designs, periods.items(), strict=True)
-    }
+    sketches = {name: sketch_at(linkages[name], one, _shown(one)) for name, one in periods.items()}
     draw_sheet(sketches, periods, remarks, options, drawn)
     if options.json:
         cli.print_json(_as_json(periods, lines, files))
@@ -112,24 +111,25 @@ def _mean_power(period: Period) -> float:
     return mean if math.isinf(mean) or abs(mean) > NOISE * largest else 0.0
 
 
-def _driven_by_loads(designs: Iterable[Any], periods: Mapping[str, Period]) -> list[str]:
+def _driven_by_loads(designs: Mapping[str, Any], periods: Mapping[str, Period]) -> list[str]:
     """Notes designs whose loads drive the crank on average, unless a gas does, as in an engine."""
     return [
         f'{name}: the loads drive the crank: mean power {rounded(period.mean_power)} W; did '
         'you mean loads of the other sign?'
-        for design, (name, period) in zip(designs, periods.items(), strict=True)
+        for name, period in periods.items()
         if period.is_driven_by_loads
-        and not any(getattr(load, 'bore', None) for load in design.mechanism.loads)
+        and not any(getattr(load, 'bore', None) for load in designs[name].mechanism.loads)
     ]
 
 
-def _names(options: argparse.Namespace) -> list[str]:
-    """Returns the name of each mechanism's parameter file.
+def _designs(options: argparse.Namespace) -> dict[str, tuple[str, Any]]:
+    """Returns parameter file and configuration of each mechanism, by its name.
 
     Raises:
         ConfigurationError: There are too many mechanisms, or two have the same name.
     """
-    count, most = len(options.params), len(DESIGN_COLORS)
+    chosen = options.linkage or ['']
+    count, most = len(options.params) * len(chosen), len(DESIGN_COLORS)
     single = [x for x in ('fluctuation', 'csv') if getattr(options, x) is not None]
     if count > most or (count > 1 and single):
         raise ConfigurationError(
@@ -141,11 +141,16 @@ def _names(options: argparse.Namespace) -> list[str]:
                 f'{source}: give parameter files alone; pictures and tables are named after them, '
                 'and written into the folder --out'
             )
-    names = [Path(source).stem for source in options.params]
-    for name in names:
-        if names.count(name) > 1:
-            raise ConfigurationError(f'{name} is given twice: give each file another name')
-    return names
+    found: dict[str, tuple[str, Any]] = {}
+    for source in options.params:
+        configuration = load(source)
+        for linkage in chosen:
+            design = configuration.linkage(linkage)
+            name = name_of(source, design)
+            if name in found:
+                raise ConfigurationError(f'{name} is given twice: give each file another name')
+            found[name] = source, design
+    return found
 
 
 def _compare(periods: Mapping[str, Period], path: Path) -> list[str]:

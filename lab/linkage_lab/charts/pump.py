@@ -3,11 +3,11 @@
 """linkage_chart pump: steady states of a wind pump, for various starts and motor torques."""
 
 import argparse
-from pathlib import Path
 from typing import Any, cast
 
 from linkage_lab.output import (
     DPI,
+    name_of,
     new_file,
     pictures,
     progress,
@@ -30,7 +30,7 @@ def pump(options: argparse.Namespace) -> None:
     mechanism, drive = configuration.mechanism, cast('Any', configuration.drive)
     if not isinstance(mechanism, WindPump):
         raise ConfigurationError(f'{options.params} is not a wind_pump: try the preset wind_pump')
-    name, motor = Path(options.params).stem, drive.motor
+    name, motor = name_of(options.params, configuration), drive.motor
     records = new_file(options, options.out / f'{name}_settled.json')
     drawn = pictures(options, f'{name}_settled')
     found = analyse(

@@ -10,7 +10,6 @@ import math
 import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +23,7 @@ from linkage_lab.output import (
     WIDTH,
     chart,
     load_pose,
+    name_of,
     pictures,
     rounded,
     write_title,
@@ -121,7 +121,8 @@ def sketch(options: argparse.Namespace) -> None:
         ConfigurationError: The mechanism or an option is invalid, or a file cannot be written.
         UnreachableError: The mechanism cannot be at the position.
     """
-    (design, notes), name = load_pose(options.params, options.linkage), Path(options.params).stem
+    design, notes = load_pose(options.params, options.linkage)
+    name = name_of(options.params, design)
     sketched = sketch_of(design, options.at)
     lines = [*describe(sketched)]
     files = pictures(options, f'{name}_sketch')

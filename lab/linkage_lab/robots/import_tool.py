@@ -303,7 +303,7 @@ def _left_out(options: argparse.Namespace, values: Mapping[str, object]) -> list
         ConfigurationError: The linkage does not fit to the others, or must not be replaced.
     """
     out, prefix = options.out, f'{options.linkage}.'
-    before: dict[str, Any] = read_values(str(out)) if out.exists() else {}
+    before: Mapping[str, Any] = read_values(str(out)) if out.exists() else {}
     names = [*before.get('linkages', ())]
     own = {f'{prefix}{name}': x for name, x in values.items()}
     gone = []
