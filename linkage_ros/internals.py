@@ -3,7 +3,7 @@
 """Names for linkage_lab alone; they may change in any release.
 
 They are the formulas, integrators and filter that it compares with others, and what it shares with
-other programs: laws, periods, ranges of loads, drawing, URDF, notes, files and angles.
+other programs: laws, periods, ranges of loads, drawing, URDF, notes, files, angles and units.
 """
 
 from pathlib import Path
@@ -47,6 +47,7 @@ from linkage_ros.settings.notes import notes_on
 from linkage_ros.settings.old_names import new_name
 from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 from linkage_ros.settings.yaml_file import read_yaml
+from linkage_ros.units import radians_per_second
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.xml_file import read_xml
 
@@ -90,6 +91,7 @@ __all__ = [
     'poses',
     'printable',
     'published',
+    'radians_per_second',
     'reach_of',
     'reactions',
     'read_values',

@@ -38,7 +38,7 @@ from linkage_lab.sweep import spread as command_spread
 from linkage_lab.sweep.designs import CANNOT_TURN, TURNS, measured, with_values
 from linkage_lab.sweep.measures import MEASURES, Task
 from linkage_lab.sweep.spread import cluster, processes, spread
-from linkage_lab.sweep.study import Settings, _designs, _way, parameters
+from linkage_lab.sweep.study import Settings, _designs, _prescribed_motion, parameters
 from linkage_ros import (
     Body,
     Coupler,
@@ -382,7 +382,7 @@ def test_rms_within_an_arc_is_the_integral_over_time(name):
     # The reference takes whole nanoseconds.
     for angles, error in ((12, 0.02), (96, 2e-8), (960, 1e-9)):
         settings = Settings('quadrilateral', angles=angles, swing=None if motion else (0.5, 2.0))
-        way = _way(settings, LawDrive(motion) if motion else None, joint)
+        way = _prescribed_motion(settings, LawDrive(motion) if motion else None, joint)
         names = ('crank.mass',)
         task = Task(mechanism, None if motion else RPM, names, ('rms_torque',), angles, (), way)
         ((_, found),) = measured(task, np.array([[mechanism.crank.mass]]))
@@ -411,7 +411,7 @@ def test_measures_within_an_arc_match_the_solver(law):
     drive = LawDrive(Prescribed(**settings))
     chosen = Settings('quadrilateral', angles=48, **({} if law else {'swing': (0.5, 2.0)}))
     joint = mechanism.structure().driven_link
-    way, rpm = _way(chosen, drive, joint), None if law else RPM
+    way, rpm = _prescribed_motion(chosen, drive, joint), None if law else RPM
     measures = 'peak_torque', 'rms_torque', 'shaking_force', 'swing', 'transmission_angle'
     found = measured(Task(mechanism, rpm, names, measures, 48, (), way), table)
     counts = [0, 0]
@@ -441,7 +441,9 @@ def test_measures_within_an_arc_match_the_solver(law):
 def test_measures_of_a_driven_cylinder_match_the_solver():
     design = load('excavator')
     mechanism, drive = design.mechanism, design.drive
-    way = _way(Settings('excavator', angles=48), drive, mechanism.structure().driven_link)
+    way = _prescribed_motion(
+        Settings('excavator', angles=48), drive, mechanism.structure().driven_link
+    )
     names = 'frame.length', 'barrel.mass'
     table = np.random.default_rng(5).uniform((0.3, 10.0), (0.62, 40.0), (40, 2))
     measures = 'peak_force', 'rms_force', 'shaking_force', 'swing'
@@ -556,7 +558,7 @@ def test_an_output_that_turns_fully_along_a_law_has_no_swing(loads):
     mechanism = InvertedSliderCrank(Frame(0.1), Body(0.3, 1.0), loads=loads)
     points = {'times': (0.0, 1.0), 'angles': (0.0, math.tau), 'repeat': True}
     joint = mechanism.structure().driven_link
-    way = _way(Settings('shaper', angles=90), LawDrive(Prescribed(**points)), joint)
+    way = _prescribed_motion(Settings('shaper', angles=90), LawDrive(Prescribed(**points)), joint)
     names, measures = ('crank.mass',), ('swing', 'peak_torque')
     for motion in (way, None):
         task = Task(mechanism, 60.0, names, measures, 90, (), motion)

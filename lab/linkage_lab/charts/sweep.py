@@ -58,20 +58,12 @@ def sweep(options: argparse.Namespace) -> None:
     name, count = Path(options.study).stem, len(study.designs)
     table, drawn = new_file(options, options.out / f'{name}.csv'), pictures(options, name)
     cli.print_notes(doubts(study.base))
-    work = partial(measured, study.task)
-    (base,) = work(np.array([[leaf.default for leaf in study.columns]]))
-    blocks = np.split(study.designs, range(_BLOCK, count, _BLOCK))
-    connect = partial(processes, min(options.workers or os.cpu_count() or 1, len(blocks)))
-    if options.scheduler is not None:
-        connect = partial(cluster, options.scheduler)
-    found = np.full((count, len(base)), np.nan)
+    (base,) = measured(study.task, np.array([[leaf.default for leaf in study.columns]]))
+    measures = np.full((count, len(base)), np.nan)
     try:
-        with progress_bar(total=count, desc='sweep', unit=' designs') as bar:
-            for i, rows in spread(work, blocks, connect):
-                found[i * _BLOCK : i * _BLOCK + len(rows)] = rows
-                bar.update(len(rows))
+        _measure(study, options, measures)
     finally:
-        results, done = _Results(study, base, found), int(np.isfinite(found[:, 0]).sum())
+        results, done = _Results(study, base, measures), int(np.isfinite(measures[:, 0]).sum())
         if 0 < done < count:
             table = table.with_stem(f'{name}_unfinished')
             print(f'{done} of {count} designs are in {table}', file=sys.stderr)
@@ -91,6 +83,29 @@ def sweep(options: argparse.Namespace) -> None:
         print(results.summary, *results.lines(), *written, sep='\n')
 
 
+def _measure(study: Study, options: argparse.Namespace, measures: Array) -> None:
+    """Measures the designs of a study in blocks, each on the first free worker.
+
+    Args:
+        study: The study.
+        options: Parsed command-line options: workers and scheduler.
+        measures: Receives the result of `measured` for each design, as it arrives.
+
+    Raises:
+        ConfigurationError: The cluster cannot be used, or workers died repeatedly.
+    """
+    count = len(study.designs)
+    blocks = np.split(study.designs, range(_BLOCK, count, _BLOCK))
+    if options.scheduler is not None:
+        connect = partial(cluster, options.scheduler)
+    else:
+        connect = partial(processes, min(options.workers or os.cpu_count() or 1, len(blocks)))
+    with progress_bar(total=count, desc='sweep', unit=' designs') as bar:
+        for i, rows in spread(partial(measured, study.task), blocks, connect):
+            measures[i * _BLOCK : i * _BLOCK + len(rows)] = rows
+            bar.update(len(rows))
+
+
 class _Results:
     """Measures and outcomes of all designs.
 
@@ -103,39 +118,39 @@ class _Results:
         summary: The number of designs with each outcome.
     """
 
-    def __init__(self, study: Study, base: Array, found: Array) -> None:
+    def __init__(self, study: Study, base: Array, measures: Array) -> None:
         """Assigns an outcome to each design.
 
         Args:
             study: Study that contains the designs.
             base: The result of `measured` for the base design.
-            found: The result of `measured` for each design; NaN for designs not yet measured.
+            measures: The result of `measured` for each design; NaN for designs not yet measured.
         """
-        self.study, self._turns = study, found[:, 0]
+        self.study, self._turns = study, measures[:, 0]
         self.base = dict(zip(study.task.measures, base[1:].tolist(), strict=True))
-        self.of = dict(zip(study.task.measures, found.T[1:], strict=True))
-        limits = study.constraints.items()
-        held = [(self.of[name] >= low) & (self.of[name] <= high) for name, (low, high) in limits]
-        self.good = np.all([self._turns == TURNS, *held], axis=0)
+        self.of = dict(zip(study.task.measures, measures.T[1:], strict=True))
+        self.good = self._turns == TURNS
+        for name, (low, high) in study.constraints.items():
+            self.good &= (self.of[name] >= low) & (self.of[name] <= high)
         self.outcomes = np.where(self.good, VALID, OUTSIDE).astype(object)
-        self.outcomes[self._turns == CANNOT_TURN] = STUCK if study.task.way else LIMITED
+        self.outcomes[self._turns == CANNOT_TURN] = STUCK if study.task.prescribed else LIMITED
         self.outcomes[self._turns == REFUSED] = UNFIT
         self.outcomes[self._turns == REVERSES] = REVERSING
         if study.goals:
             self.outcomes[self._front()] = FRONT
         counts = [f'{(self.outcomes == x).sum()} {x}' for x in OUTCOMES if x in self.outcomes]
-        self.summary = f'{counted(len(found), "design")}: {", ".join(counts)}'
+        self.summary = f'{counted(len(measures), "design")}: {", ".join(counts)}'
 
     def _front(self) -> Array:
         """Returns the indices of the designs on the Pareto front."""
-        first, second = (
+        first, second = (  # both to be minimised
             self.of[name] * (1.0 if goal == 'least' else -1.0)
             for name, goal in self.study.goals.items()
         )
-        rows = np.flatnonzero(self.good & np.isfinite(first + second))
-        rows = rows[np.lexsort((second[rows], first[rows]))]
-        best_before = np.minimum.accumulate(np.append(np.inf, second[rows]))[:-1]
-        return np.asarray(rows[second[rows] < best_before])
+        candidates = np.flatnonzero(self.good & np.isfinite(first + second))
+        ordered = candidates[np.lexsort((second[candidates], first[candidates]))]  # by the first
+        best_before = np.minimum.accumulate(np.append(np.inf, second[ordered]))[:-1]
+        return np.asarray(ordered[second[ordered] < best_before])
 
     def lines(self) -> Iterator[str]:
         """Yields a line for each measure that applies to any good design.
@@ -144,15 +159,17 @@ class _Results:
         the variance.
         """
         for name, base in self.base.items():
-            has = self.good & np.isfinite(self.of[name])
-            if not has.any():
+            applies = self.good & np.isfinite(self.of[name])
+            if not applies.any():
                 continue
-            table = np.column_stack([self.study.designs, self.of[name]])[has]
+            # The parameters, and in the last column the measure.
+            table = np.column_stack([self.study.designs, self.of[name]])[applies]
             low, high = table[:, -1].min(), table[:, -1].max()
             span = f'{low:.5g} to {high:.5g} {MEASURES[name].unit}'.rstrip()
             line = f'{name}: {span}, base {base:.5g}'
             if np.ptp(table, axis=0).all():
-                shares = np.atleast_2d(np.corrcoef(table, rowvar=False))[-1, :-1] ** 2
+                correlations = np.atleast_2d(np.corrcoef(table, rowvar=False))[-1, :-1]
+                shares = correlations**2
                 cause = self.study.columns[int(shares.argmax())].name
                 line += f', {100 * shares.max():.0f} % of its variance by {cause}'
             yield line

@@ -11,7 +11,7 @@ import numpy as np
 from linkage_lab.sweep.measures import MEASURES, Run, Task
 from linkage_ros import ConfigurationError, MechanismError, Reach, Solver
 from linkage_ros.formulas import Array
-from linkage_ros.internals import Ranges, reach_of
+from linkage_ros.internals import Ranges, radians_per_second, reach_of
 from linkage_ros.quantities import build, flatten
 
 RPM, SPEED = 'rpm', 'speed'
@@ -30,37 +30,39 @@ def measured(task: Task, designs: Array) -> Array:
         task, REFUSED if a spring or load curve does not fit, REVERSES if the crank reverses where
         a gas has valves; then the measures, NaN where one does not apply.
     """
-    found = np.full((len(designs), 1 + len(task.measures)), math.nan)
+    rows = np.full((len(designs), 1 + len(task.measures)), math.nan)
     base = flatten(task.drawing or task.mechanism)
-    for row, design in zip(found, designs.tolist(), strict=True):
-        given = dict(zip(task.names, design, strict=True))
-        speed = given.pop(SPEED if task.drives_slide else RPM, task.speed or 0.0)
-        speed = speed if task.drives_slide else speed * math.pi / 30
-        run = _run(task, with_values(base, given), speed)
-        if isinstance(run, int):
+    speed_name = SPEED if task.drives_slide else RPM
+    for row, design in zip(rows, designs.tolist(), strict=True):
+        varied = dict(zip(task.names, design, strict=True))
+        speed = varied.pop(speed_name, task.speed or 0.0)
+        if not task.drives_slide:
+            speed = radians_per_second(speed)
+        run = _run(task, with_values(base, varied), speed)
+        if isinstance(run, Run):
+            row[:] = TURNS, *(MEASURES[name].of(run) for name in task.measures)
+        else:
             row[0] = run
-            continue
-        row[:] = TURNS, *(MEASURES[name].of(run) for name in task.measures)
-    return found
+    return rows
 
 
-def with_values(values: Mapping[str, Any], given: Mapping[str, float]) -> dict[str, Any]:
+def with_values(values: Mapping[str, Any], replaced: Mapping[str, float]) -> dict[str, Any]:
     """Returns parameters with other values.
 
     Args:
         values: Values by dotted parameter name.
-        given: Values to replace; a name that ends with .0 or .1 is a number of a pair.
+        replaced: Values to replace; a name that ends with .0 or .1 is a number of a pair.
     """
-    found = dict(values)
-    for name, value in given.items():
-        owner, _, index = name.rpartition('.')
+    result = dict(values)
+    for name, value in replaced.items():
+        pair_name, _, index = name.rpartition('.')
         if index.isdigit():
-            pair = list(found[owner])
+            pair = list(result[pair_name])
             pair[int(index)] = value
-            found[owner] = tuple(pair)
+            result[pair_name] = tuple(pair)
         else:
-            found[name] = value
-    return found
+            result[name] = value
+    return result
 
 
 def _run(task: Task, values: Mapping[str, Any], speed: float) -> Run | int:
@@ -75,20 +77,23 @@ def _run(task: Task, values: Mapping[str, Any], speed: float) -> Run | int:
         return CANNOT_TURN
     except ConfigurationError:
         return REFUSED
+    if not _can_move(task, mechanism):
+        return CANNOT_TURN
     try:
         solver = Solver(mechanism)
     except ConfigurationError:
-        solver = None
-    try:
-        reach = cast('Reach', solver.mobility if solver else reach_of(mechanism))
-    except MechanismError:  # a dyad closes nowhere
-        return CANNOT_TURN
-    if not (task.way.fits(reach) if task.way else reach.turns_fully):
-        return CANNOT_TURN
-    if solver is None:
         return REFUSED
     try:
-        Ranges(solver).require_valves(task.way.reversals if task.way else ())
+        Ranges(solver).require_valves(task.prescribed.reversals if task.prescribed else ())
     except ConfigurationError:
         return REVERSES
     return Run(task, solver, speed)
+
+
+def _can_move(task: Task, mechanism: Any) -> bool:
+    """Returns whether a design can turn fully, or make the prescribed motion of the task."""
+    try:
+        reach = cast('Reach', reach_of(mechanism))
+    except MechanismError:  # a dyad closes nowhere
+        return False
+    return task.prescribed.fits(reach) if task.prescribed else reach.turns_fully

@@ -18,16 +18,17 @@ from linkage_ros.formulas import Array, Real
 from linkage_ros.internals import extremes_between, reactions, torque
 
 _IN_LINE = 1e-12  # sine of an angle between links that are in line
+_NEWTON_STEPS = 8  # from a chord of a path to the path
 
 
-class Way(NamedTuple):
-    """A motion of the crank within an arc, which all designs make.
+class PrescribedMotion(NamedTuple):
+    """A motion of the driven joint between two positions, or along a law.
 
     Attributes:
-        low: Smallest crank angle of the motion, rad; for a driven slide, a position, m.
-        high: Largest crank angle.
-        law: Law of the motion; None for a constant speed from the smallest angle to the largest.
-        reversals: Crank angles at which the crank reverses.
+        low: Smallest position of the joint: crank angle, rad, or position of a slide, m.
+        high: Largest position.
+        law: Law of the motion; None for a constant speed from `low` to `high`.
+        reversals: Positions at which the joint reverses along the law.
     """
 
     low: float
@@ -42,12 +43,14 @@ class Way(NamedTuple):
 
     def fits(self, reach: Reach) -> bool:
         """Returns whether a mechanism with this reach can make the motion."""
-        starts = (start for start, _ in reach.arcs)
-        shifts = (0.0 if reach.slides else (self.low - x) // math.tau * math.tau for x in starts)
-        ends = zip(reach.arcs, shifts, strict=True)
         return reach.turns_fully or any(
-            start + shift < self.low and self.high < end + shift for (start, end), shift in ends
+            self._is_inside(start, end, is_angle=not reach.slides) for start, end in reach.arcs
         )
+
+    def _is_inside(self, start: float, end: float, *, is_angle: bool) -> bool:
+        """Returns whether the motion lies inside an arc, or inside the arc in another turn."""
+        shift = (self.low - start) // math.tau * math.tau if is_angle else 0.0
+        return start + shift < self.low and self.high < end + shift
 
 
 class Task(NamedTuple):
@@ -60,7 +63,7 @@ class Task(NamedTuple):
         measures: Names of the measures.
         angles: Number of crank angles in a turn, or of samples of a motion within an arc.
         points: Points that the traced point should pass through, x + iy, m.
-        way: Motion of the crank; None for whole turns at a constant speed.
+        prescribed: Motion of the driven joint; None for whole turns at a constant speed.
         point: Name of the traced point.
         drawing: The drawing of the base mechanism, whose parameters vary; None without one.
     """
@@ -71,9 +74,19 @@ class Task(NamedTuple):
     measures: tuple[str, ...]
     angles: int
     points: tuple[complex, ...] = ()
-    way: Way | None = None
+    prescribed: PrescribedMotion | None = None
     point: str = ''
     drawing: Any = None
+
+    @property
+    def has_law(self) -> bool:
+        """Whether the driven joint follows a law."""
+        return self.prescribed is not None and self.prescribed.law is not None
+
+    @property
+    def turns(self) -> bool:
+        """Whether the crank makes whole turns, at a constant speed or along a law."""
+        return self.prescribed is None or self.prescribed.turns
 
     @property
     def drives_slide(self) -> bool:
@@ -116,15 +129,15 @@ class Run:
     @cached_property
     def samples(self) -> Samples:
         """Samples of the motion, as charts take them."""
-        way, solver, speed = self.task.way, self.solver, self.speed
-        if way is None:
+        prescribed, solver, speed = self.task.prescribed, self.solver, self.speed
+        if prescribed is None:
             crank = samples(solver, speed, self.task.angles)
             return Samples(crank, lambda places: (places, speed))
-        if way.law is None:
-            crank = np.linspace(way.low, way.high, self.task.angles)
+        if prescribed.law is None:
+            crank = np.linspace(prescribed.low, prescribed.high, self.task.angles)
             crank = with_breaks(crank, solver, lambda q: solver.state(q, speed))
             return Samples(crank, lambda places: (places, speed))
-        time, motion = law_samples(solver, way.law, self.task.angles - 1)
+        time, motion = law_samples(solver, prescribed.law, self.task.angles - 1)
         return Samples(time, lambda places: motion(places)[:3])
 
     def efforts(self, places: Array) -> Array:
@@ -132,13 +145,16 @@ class Run:
 
         Returns:
             A row of the torque and, if the shaking force is a measure and the design passes no
-            change point, a row of the force.
+            change point, a row of the force; shape (1, n) or (2, n).
         """
         motion = self.samples.motion(places)
-        has_force = 'shaking_force' in self.task.measures and not self.is_in_line
-        formula: Callable[..., Any] = _torque_and_force if has_force else torque
-        own, *force = self.solver.program(formula, *'qua'[: len(motion)])(*motion)
-        return np.array([own, np.hypot(*force)] if force else [own])
+        arguments = ('q', 'u', 'a')[: len(motion)]  # no acceleration if the speed is constant
+        if 'shaking_force' not in self.task.measures or self.is_in_line:
+            (effort,) = self.solver.program(torque, *arguments)(*motion)
+            return np.array([effort])
+        program = self.solver.program(_torque_and_force, *arguments)
+        effort, force_x, force_y = program(*motion)
+        return np.array([effort, np.hypot(force_x, force_y)])
 
     @cached_property
     def sampled(self) -> Array:
@@ -155,13 +171,13 @@ class Run:
     def shaking_in_line(self) -> float:
         """Largest force on the frame in a motion that passes a change point, N, as in charts."""
         x, motion = self.samples
-        q, u, *_ = motion(x)
-        rates = np.broadcast_to(u, len(x))
-        in_line = at_change_points(self.solver, q, rates)
-        is_over_time = self.task.way is not None and self.task.way.law is not None
-        fastest = float(np.abs(rates).max()) if is_over_time else 0.0
-        found, _ = joint_forces(self.solver, motion, x, in_line, fastest)
-        return extent(x, np.hypot(*(found[f'shaking_force.{x}'].values for x in 'xy'))).high
+        position, speed, *_ = motion(x)
+        speeds = np.broadcast_to(speed, len(x))
+        in_line = at_change_points(self.solver, position, speeds)
+        fastest = float(np.abs(speeds).max()) if self.task.has_law else 0.0
+        columns, _ = joint_forces(self.solver, motion, x, in_line, fastest)
+        force_x, force_y = (columns[f'shaking_force.{axis}'].values for axis in 'xy')
+        return extent(x, np.hypot(force_x, force_y)).high
 
     @cached_property
     def is_in_line(self) -> bool:
@@ -176,26 +192,37 @@ class Run:
     @cached_property
     def output_range(self) -> float:
         """Distance of the output's extreme positions, m or rad; NaN if it turns fully."""
-        way = self.task.way
-        if way is None or way.turns:
-            ends = self.travel.extremes
+        prescribed = self.task.prescribed
+        if prescribed is None or prescribed.turns:
+            extremes = self.travel.extremes
         else:
-            ends = extremes_between(self.solver, way.low, way.high)
-        found = math.nan if ends is None else ends[1] - ends[0]
-        is_turn = not self.task.output_slides and found >= math.tau - _IN_LINE
-        return math.nan if is_turn else found
+            extremes = extremes_between(self.solver, prescribed.low, prescribed.high)
+        if extremes is None:
+            return math.nan
+        distance = extremes[1] - extremes[0]
+        turns_fully = not self.task.output_slides and distance >= math.tau - _IN_LINE
+        return math.nan if turns_fully else distance
 
     @cached_property
     def transmission(self) -> float:
-        """Smallest transmission angle, as an acute angle, rad."""
-        way, reach = self.task.way, self.solver.reach
-        if way is None or way.turns:
-            low, high = reach.transmission or (math.inf, -math.inf)
-            return min(low, math.pi - high)
-        # It is smallest at an end of the motion, or where crank and frame are in line.
-        first, last = (math.ceil((x - reach.fast) / math.pi) for x in (way.low, way.high))
-        cranks = [way.low, *(reach.fast + i * math.pi for i in range(first, last)), way.high]
-        return math.asin(min(self.solver.dyad_sines((crank, 0.0))[0].sine for crank in cranks))
+        """Smallest transmission angle, as an acute angle, rad; infinite if there is none."""
+        prescribed, reach = self.task.prescribed, self.solver.reach
+        if prescribed is None or prescribed.turns:
+            if reach.transmission is None:
+                return math.inf
+            smallest, largest = reach.transmission
+            return min(smallest, math.pi - largest)
+        # It is smallest at an end of the motion, or where crank and frame are in line: at the
+        # angle `fast` or half turns away.
+        low, high = prescribed.low, prescribed.high
+        first, last = (math.ceil((end - reach.fast) / math.pi) for end in (low, high))
+        in_line = (reach.fast + i * math.pi for i in range(first, last))
+        sines = (self._dyad_sine(crank) for crank in (low, *in_line, high))
+        return math.asin(min(sines))
+
+    def _dyad_sine(self, crank: float) -> float:
+        """Computes the sine of the transmission angle at a crank angle, rad."""
+        return float(self.solver.dyad_sines((crank, 0.0))[0].sine)
 
 
 class Need(NamedTuple):
@@ -213,16 +240,15 @@ class Need(NamedTuple):
 _SPEED = Need(
     'a crank speed, such as rpm: 60.0 (of a cylinder or slider, speed: 0.1), or a law, and no dry '
     'friction',
-    lambda task: (
-        (task.speed is not None or (task.way is not None and task.way.law is not None))
-        and not task.mechanism.joint_loads()
-    ),
+    lambda task: (task.speed is not None or task.has_law) and not task.mechanism.joint_loads(),
 )
 _DRIVEN_CRANK = Need('a driven crank', lambda task: not task.drives_slide)
 _DRIVEN_SLIDE = Need('a driven cylinder or slider', lambda task: task.drives_slide)
 _SWINGS = Need('an output link that swings', lambda task: not task.output_slides)
 _SLIDES = Need('a slider', lambda task: task.output_slides)
-_WHOLE_TURNS = Need('a crank that turns fully, without a law', lambda task: task.way is None)
+_WHOLE_TURNS = Need(
+    'a crank that turns fully, without a law', lambda task: task.prescribed is None
+)
 _TRANSMISSION = Need(
     'a four_bar or a slider_crank',
     lambda task: (reach := task.mechanism.reach()) is not None and reach.transmission is not None,
@@ -306,8 +332,8 @@ def stroke(run: Run) -> float:
 @measure('', _WHOLE_TURNS)
 def time_ratio(run: Run) -> float:
     """Computes the ratio of the longer to the shorter crank rotation between reversals."""
-    found = run.travel.time_ratio
-    return math.nan if found is None else found
+    ratio = run.travel.time_ratio
+    return math.nan if ratio is None else ratio
 
 
 @measure('deg', _TRANSMISSION)
@@ -322,26 +348,60 @@ def point_distance(run: Run) -> float:
     solver, points = run.solver, np.array(run.task.points)
     constants = Constants((solver.model.loop, solver.structure.points[run.task.point]))
     motion = Program(_path_motion, constants, ('crank_angle',))
-    turns, step = solver.reach.period_turns, math.tau / run.task.angles
-    crank = (np.arange(turns * run.task.angles) + 0.5) * step
+    step = math.tau / run.task.angles
+    crank = (np.arange(solver.reach.period_turns * run.task.angles) + 0.5) * step
     x, y, *_ = motion(crank)
-    path = x + 1j * y
+    chord, fraction = _nearest_on_chords(points, x + 1j * y)
+    start = crank[chord]
+    distances = _distances_from_path(
+        motion, points, start + step * fraction, low=start - step, high=start + 2 * step
+    )
+    return float(distances.max())
+
+
+def _nearest_on_chords(points: Array, path: Array) -> tuple[Any, Array]:
+    """Finds the nearest place to each point on the closed polygon through samples of a path.
+
+    Args:
+        points: Points, x + iy, shape (m,).
+        path: Vertices of the polygon, x + iy, shape (n,).
+
+    Returns:
+        The index of the vertex before the nearest place, and the fraction of the side between
+        them, each of shape (m,).
+    """
     chords = np.roll(path, -1) - path
-    ways = (points[:, None] - path) / chords
-    parts = np.clip(ways.real, 0.0, 1.0)
-    nearest = np.abs(chords * (ways - parts)).argmin(axis=1)
-    before = crank[nearest]
-    at = before + step * parts[np.arange(len(points)), nearest]
-    found: Array = np.full(len(points), math.inf)
-    for _ in range(8):  # Newton steps from the chord to the path
-        rows = iter(motion(at))
-        place, slope, bend = (x + 1j * y for x, y in zip(rows, rows, strict=True))
-        gap, square = place - points, np.abs(slope) ** 2
-        found = np.fmin(found, np.abs(gap))
-        grows = square + (gap * bend.conj()).real
-        way = (gap * slope.conj()).real / np.where(grows > 0, grows, square)
-        at = np.clip(at - way, before - step, before + 2 * step)
-    return float(found.max())
+    along = (points[:, None] - path) / chords  # the real part is the fraction of the chord
+    fractions = np.clip(along.real, 0.0, 1.0)
+    nearest = np.abs(chords * (along - fractions)).argmin(axis=1)
+    return nearest, fractions[np.arange(len(points)), nearest]
+
+
+def _distances_from_path(
+    motion: Callable[..., Any], points: Array, crank: Array, *, low: Array, high: Array
+) -> Array:
+    """Computes the distances of points from a path by Newton's method, m.
+
+    Args:
+        motion: Function that computes the six values of `_path_motion` at crank angles.
+        points: Points, x + iy, m, shape (m,).
+        crank: Approximate crank angle of the nearest place to each point, rad.
+        low: Smallest crank angle to use for each point, rad.
+        high: Largest one.
+    """
+    smallest: Array = np.full(len(points), math.inf)
+    for _ in range(_NEWTON_STEPS):
+        x, y, dx, dy, ddx, ddy = motion(crank)
+        gap, tangent, bend = x + 1j * y - points, dx + 1j * dy, ddx + 1j * ddy
+        smallest = np.fmin(smallest, np.abs(gap))
+        # Derivatives of half the squared distance with respect to the crank angle. Where the
+        # second is not positive, the term with the gap is left out, as in Gauss-Newton.
+        gradient = (gap * tangent.conj()).real
+        square = np.abs(tangent) ** 2
+        curvature = square + (gap * bend.conj()).real
+        change = gradient / np.where(curvature > 0, curvature, square)
+        crank = np.clip(crank - change, low, high)
+    return smallest
 
 
 def _torque_and_force(model: Any, q: Any, u: Any, a: Any = ()) -> tuple[Real, ...]:
@@ -350,12 +410,16 @@ def _torque_and_force(model: Any, q: Any, u: Any, a: Any = ()) -> tuple[Real, ..
 
 
 def _path_motion(constants: Any, angle: Real) -> tuple[Real, ...]:
-    """Computes a point's position and its derivatives with respect to the angle, m."""
+    """Computes a point's position and its derivatives with respect to the angle.
+
+    Returns:
+        x and y, m, of the position, the first and the second derivative.
+    """
     loop, point = constants
     links = loop.pose((angle,)).links
-    found = point.motion(
+    vectors = point.motion(
         [link.direction for link in links],
         [link.jacobian[0] for link in links],
         [link.curvature[0] for link in links],
     )
-    return tuple(x for vector in found for x in vector)
+    return tuple(component for vector in vectors for component in vector)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from linkage_lab.sweep.designs import RPM, SPEED
-from linkage_lab.sweep.measures import MEASURES, Task, Way
+from linkage_lab.sweep.measures import MEASURES, PrescribedMotion, Task
 from linkage_ros import ConfigurationError, Mechanism, load
 from linkage_ros.formulas import Array
 from linkage_ros.internals import Linkage, new_name, read_yaml, reversals
@@ -111,45 +111,64 @@ def read_study(path: str) -> Study:
         ConfigurationError: The study is invalid; the message names valid input.
     """
     groups, values = _read_groups(path)
-    settings, listed = build(Settings, values), values.get('measures', [])
-    configuration = load(settings.base).linkage(settings.linkage)
-    mechanism = configuration.mechanism
-    if not mechanism.reach():
+    settings = build(Settings, values)
+    base = load(settings.base).linkage(settings.linkage)
+    if not base.mechanism.reach():
         raise ConfigurationError(
             f'base = {settings.base}: must be a mechanism whose crank angle determines its motion'
         )
-    joint = mechanism.structure().driven_link
-    speed = _speed(settings, configuration.drive, joint)
-    columns = _columns(groups, configuration, speed)
+    driven_link = base.mechanism.structure().driven_link
+    speed = _speed(settings, base.drive, driven_link)
+    columns = _columns(groups, base, speed)
     constraints = {
         name: _span(f'constraints.{name}', value, _NUMBER)
         for name, value in groups['constraints'].items()
     }
-    goals = {name: str(_GOAL.clean(f'goals.{name}', x)) for name, x in groups['goals'].items()}
-    if len(goals) not in {0, 2}:
-        raise ConfigurationError(f'goals = {shown(goals)}: must be two measures, or none')
-    measures = [*(listed if isinstance(listed, list) else [listed]), *goals, *constraints]
-    if not measures or not MEASURES.keys() >= set(measures):
-        raise ConfigurationError(f'measures {shown(measures)}: choose from {", ".join(MEASURES)}')
-    numbers = settings.points or ()
+    goals = _goals(groups['goals'])
+    measures = _measures(values.get('measures', []), goals, constraints)
+    coordinates = settings.points or ()
     task = Task(
-        mechanism,
+        base.mechanism,
         speed,
         names=tuple(leaf.name for leaf in columns),
-        measures=tuple(dict.fromkeys(measures)),
+        measures=measures,
         angles=settings.angles,
-        points=tuple(map(complex, numbers[::2], numbers[1::2])),
-        way=_way(settings, configuration.drive, joint),
-        point=_point(settings, mechanism),
-        drawing=configuration.drawn_mechanism,
+        points=tuple(map(complex, coordinates[::2], coordinates[1::2])),
+        prescribed=_prescribed_motion(settings, base.drive, driven_link),
+        point=_point(settings, base.mechanism),
+        drawing=base.drawn_mechanism,
     )
     for name in measures:
         if not MEASURES[name].applies(task):
             raise ConfigurationError(f'measure {name}: needs {MEASURES[name].words}')
-    return Study(configuration, task, columns, _designs(settings, columns), constraints, goals)
+    return Study(base, task, columns, _designs(settings, columns), constraints, goals)
 
 
-def _speed(settings: Settings, drive: Any, joint: Any) -> float | None:
+def _goals(group: Mapping[str, Any]) -> dict[str, str]:
+    """Returns 'least' or 'most' for the two measures of the Pareto front, or an empty dict.
+
+    Raises:
+        ConfigurationError: A goal is neither of these, or their number is not 0 or 2.
+    """
+    goals = {name: str(_GOAL.clean(f'goals.{name}', value)) for name, value in group.items()}
+    if len(goals) not in {0, 2}:
+        raise ConfigurationError(f'goals = {shown(goals)}: must be two measures, or none')
+    return goals
+
+
+def _measures(listed: Any, goals: Iterable[str], constraints: Iterable[str]) -> tuple[str, ...]:
+    """Returns the names of all measures, each once: those listed, of goals and of constraints.
+
+    Raises:
+        ConfigurationError: There is none, or a name is unknown.
+    """
+    names = [*(listed if isinstance(listed, list) else [listed]), *goals, *constraints]
+    if not names or not MEASURES.keys() >= set(names):
+        raise ConfigurationError(f'measures {shown(names)}: choose from {", ".join(MEASURES)}')
+    return tuple(dict.fromkeys(names))
+
+
+def _speed(settings: Settings, drive: Any, driven_link: Any) -> float | None:
     """Returns the speed of the driven joint, m/s if it slides, otherwise rpm; None if not given.
 
     Without a setting, it is the `rpm` of the drive.
@@ -157,17 +176,17 @@ def _speed(settings: Settings, drive: Any, joint: Any) -> float | None:
     Raises:
         ConfigurationError: The speed has the unit of another joint.
     """
-    if joint.slides and settings.rpm is not None:
+    if driven_link.slides and settings.rpm is not None:
         raise ConfigurationError(
-            f'rpm = {settings.rpm!r}: the {joint.driven_word} is driven, which has no rpm; give '
-            'speed, m/s'
+            f'rpm = {settings.rpm!r}: the {driven_link.driven_word} is driven, which has no rpm; '
+            'give speed, m/s'
         )
-    if not joint.slides and settings.speed is not None:
+    if not driven_link.slides and settings.speed is not None:
         raise ConfigurationError(
-            f'speed = {settings.speed!r}: the {joint.name} is driven; give rpm'
+            f'speed = {settings.speed!r}: the {driven_link.name} is driven; give rpm'
         )
-    given = settings.speed if joint.slides else settings.rpm
-    return getattr(drive, RPM, None) if given is None else given
+    speed = settings.speed if driven_link.slides else settings.rpm
+    return getattr(drive, RPM, None) if speed is None else speed
 
 
 def _point(settings: Settings, mechanism: Mechanism) -> str:
@@ -187,32 +206,35 @@ def _point(settings: Settings, mechanism: Mechanism) -> str:
     return settings.point or (names[0] if names else '')
 
 
-def _way(settings: Settings, drive: Any, joint: Any) -> Way | None:
-    """Returns the motion of the crank within an arc; None for whole turns.
+def _prescribed_motion(
+    settings: Settings, drive: Any, driven_link: Any
+) -> PrescribedMotion | None:
+    """Returns the motion within the swing or along the law of the drive; None for whole turns.
 
     Raises:
         ConfigurationError: The swing is empty, or missing for a driven slide without a law.
     """
     if settings.swing is not None:
         low, high = settings.swing
-        if joint.slides:
-            refuse_angles('swing', settings.swing, f'the {joint.driven_word}')
+        if driven_link.slides:
+            refuse_angles('swing', settings.swing, f'the {driven_link.driven_word}')
         if not low < high:
             raise ConfigurationError(
                 f'swing = {shown(settings.swing)}: give the smaller angle first'
             )
-        return Way(low, high)
-    law = drive.law(joint) if settings.rpm is None and settings.speed is None else None
-    if law is None:
-        if joint.slides:
-            raise ConfigurationError(
-                f'the {joint.driven_word} is driven: give swing, the positions between which it '
-                'moves, m'
-            )
-        return None
-    times = {0, law.duration, *law.extremes(math.inf, -math.inf)}
-    ends = [moment.turns * math.tau + moment.angle for moment in map(law.at, times)]
-    return Way(min(ends), max(ends), law, tuple(reversals(law)))
+        return PrescribedMotion(low, high)
+    has_speed = settings.rpm is not None or settings.speed is not None
+    law = None if has_speed else drive.law(driven_link)
+    if law is not None:
+        times = {0, law.duration, *law.extremes(math.inf, -math.inf)}
+        ends = [moment.turns * math.tau + moment.angle for moment in map(law.at, times)]
+        return PrescribedMotion(min(ends), max(ends), law, tuple(reversals(law)))
+    if driven_link.slides:
+        raise ConfigurationError(
+            f'the {driven_link.driven_word} is driven: give swing, the positions between which it '
+            'moves, m'
+        )
+    return None
 
 
 def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
@@ -225,11 +247,11 @@ def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
     known = [*(leaf.name for leaf in leaves(Settings)), 'measures', *_GROUPS]
     groups: dict[str, dict[str, Any]] = {group: {} for group in _GROUPS}
     for name, value in values.items():
-        group, _, rest = name.partition('.')
+        group, _, parameter = name.partition('.')
         if name in groups:
             raise ConfigurationError(f'{name} = {shown(value)}: write {name}: {{NAME: VALUE}}')
         if group in groups:
-            groups[group][rest] = value
+            groups[group][parameter] = value
         elif name not in known:
             raise ConfigurationError(_unknown(name, 'a study', known))
     return groups, values
@@ -247,40 +269,49 @@ def _columns(
     mechanism = base.drawn_mechanism or base.mechanism
     valid = {leaf.name: leaf for leaf in parameters(mechanism, speed)}
     columns: dict[str, Leaf] = {}
-    for group, name in [(x, name) for x in ('ranges', 'tolerances') for name in groups[x]]:
-        if name not in valid:
-            owner = f'this {base.kind.mechanism}'
-            raise ConfigurationError(_unknown(name, owner, valid))
-        if name in columns:
-            raise ConfigurationError(f'{name} has a range and a tolerance: leave one out')
-        _, allowed, middle = valid[name]
-        limits: Any = groups[group][name]
-        if group == 'tolerances':
-            width: Any = replace(_NUMBER, unit=allowed.unit).clean(f'{group}.{name}', limits)
-            _require_turning(base, name, width)
-            limits = [middle - width, middle + width]
-        low, high = _span(f'{group}.{name}', limits, allowed)
-        _require_turning(base, name, (low, high))
-        columns[name] = Leaf(name, replace(allowed, low=low, high=high), middle)
+    for group in ('ranges', 'tolerances'):
+        for name, value in groups[group].items():
+            if name not in valid:
+                raise ConfigurationError(_unknown(name, f'this {base.kind.mechanism}', valid))
+            if name in columns:
+                raise ConfigurationError(f'{name} has a range and a tolerance: leave one out')
+            leaf = valid[name]
+            is_tolerance = group == 'tolerances'
+            limits = _around_default(base, leaf, value) if is_tolerance else value
+            low, high = _span(f'{group}.{name}', limits, leaf.quantity)
+            _reject_degrees_of_slide(base, name, (low, high))
+            columns[name] = leaf._replace(quantity=replace(leaf.quantity, low=low, high=high))
     if not columns:
         raise ConfigurationError('nothing varies: give ranges or tolerances of parameters')
     return [*columns.values()]
 
 
-def _require_turning(base: Linkage, name: str, value: object) -> None:
+def _around_default(base: Linkage, leaf: Leaf, value: Any) -> list[Any]:
+    """Returns the limits of a tolerance, which are equally far from the value of the base."""
+    number = replace(_NUMBER, unit=leaf.quantity.unit)
+    tolerance: Any = number.clean(f'tolerances.{leaf.name}', value)
+    _reject_degrees_of_slide(base, leaf.name, tolerance)
+    middle: Any = leaf.default
+    return [middle - tolerance, middle + tolerance]
+
+
+def _reject_degrees_of_slide(base: Linkage, name: str, value: object) -> None:
     """Rejects angles in degrees for a parameter of a load on a sliding link.
 
     Raises:
         ConfigurationError: The value has such an angle.
     """
-    loaded = base.parameters().get(f'{name.rpartition(".")[0]}.link')
+    load_name = name.rpartition('.')[0]
+    loaded_link = base.parameters().get(f'{load_name}.link')
     for link in base.mechanism.structure().links:
-        if link.slides and link.name == loaded:
-            refuse_angles(name, value, f'the {loaded}')
+        if link.slides and link.name == loaded_link:
+            refuse_angles(name, value, f'the {loaded_link}')
 
 
 def _unknown(name: str, owner: str, valid: Iterable[str]) -> str:
-    hint = f'write {new}, with a name of the base' if (new := new_name(name)) else ''
+    """Returns the message about an unknown parameter, with its new name or the valid names."""
+    renamed = new_name(name)
+    hint = f'write {renamed}, with a name of the base' if renamed else ''
     return (
         f'{shown(name)} is not a parameter of {owner}: {hint or "choose from " + ", ".join(valid)}'
     )
@@ -325,24 +356,25 @@ def parameters(mechanism: Any, speed: float | None) -> Iterator[Leaf]:
 
 
 def _designs(settings: Settings, columns: Sequence[Leaf]) -> Array:
-    """Samples the parameters; returns a row for each design.
+    """Samples the parameters; returns a row for each design, a column for each parameter.
 
     Raises:
         ConfigurationError: The grid would have only one value per parameter.
     """
     count, size = settings.designs, len(columns)
     if settings.sampler == 'grid':
-        steps = int(count ** (1 / size) + 1e-9)
-        if steps < 2:
+        values_each = int(count ** (1 / size) + 1e-9)
+        if values_each < 2:
             raise ConfigurationError(
                 f'designs = {count}: a grid needs at least {2**size}, two values of each parameter'
             )
-        shares = np.indices([steps] * size).reshape(size, -1).T / (steps - 1)
+        shares = np.indices([values_each] * size).reshape(size, -1).T / (values_each - 1)
     elif settings.sampler == 'sobol':
         # SciPy warns unless the number of samples is a power of 2.
         sampler = qmc.Sobol(size, seed=settings.seed)
         shares = sampler.random_base2(math.ceil(math.log2(count)))[:count]
     else:
         shares = qmc.LatinHypercube(size, seed=settings.seed).random(count)
-    spans = ((leaf.quantity.low, leaf.quantity.high) for leaf in columns)
-    return np.asarray(qmc.scale(shares, *zip(*spans, strict=True)))
+    low = [leaf.quantity.low for leaf in columns]
+    high = [leaf.quantity.high for leaf in columns]
+    return np.asarray(qmc.scale(shares, low, high))
