@@ -13,12 +13,13 @@ from linkage_ros.formulas import Array
 
 SAME = 1e-9  # rad; closer crank angles are the two sides of a corner, jump or change point
 _IN_LINE = 1e-6  # sine of an angle between links that are in line, within 1 ns of a law
-# Distances from a gap, rad, at which a limit is extrapolated from one, two and three times the
-# distance: friction may change within the large ones, and rounding errors grow towards it. Least
-# such times, s; ratio of a column to that at twice the distance from which it is infinite; smaller
-# values than this share are rounding errors.
+# Distances from a gap, rad: friction may change within the large ones, and rounding errors grow
+# towards it. At each, a limit is extrapolated from the values at one, two and three times the
+# distance, with these weights. Least such distances in time, s.
 _STEPS, _LIMIT = np.array([1e-4, 1e-5, 1e-6, 1e-7, 1e-8]), np.array([3.0, -3.0, 1.0])
-_TICKS, _GROWS, _ROUNDING = [1e-6, *[1e-7] * 4], 1.5, 1e-12
+_LEAST_TIMES = [1e-6, *[1e-7] * 4]
+_GROWS = 1.5  # a column at a distance, relative to that at twice the distance, if it is infinite
+_ROUNDING = 1e-12  # smaller values, relative to the largest, are rounding errors
 
 
 class Column(NamedTuple):
@@ -33,9 +34,10 @@ def beside_change_points(solver: Solver, crank: Any) -> Any:
     reach = solver.reach
     if not (solver.model.joint_loads and reach.has_change_point):
         return crank
-    sine = np.sin(crank - reach.fast)  # as for the two sides of a change point in samples
-    way = np.where((sine >= 0) == (np.cos(crank - reach.fast) > 0), SAME, -SAME)
-    return crank + np.where(np.abs(sine) < SAME, way, 0.0)
+    sine, cosine = np.sin(crank - reach.fast), np.cos(crank - reach.fast)
+    # Each angle moves away from the change point, on its own side.
+    aside = np.where((sine >= 0) == (cosine > 0), SAME, -SAME)
+    return crank + np.where(np.abs(sine) < SAME, aside, 0.0)
 
 
 def at_change_points(solver: Solver, crank: Array, speed: Array) -> Any:
@@ -43,12 +45,14 @@ def at_change_points(solver: Solver, crank: Array, speed: Array) -> Any:
 
     Along a law, a time has a resolution of 1 ns, hence the crank's speed, rad/s.
     """
-    reach, found = solver.mobility, np.zeros(len(crank), dtype=bool)
-    if reach is not None and reach.has_change_point:
-        close = SAME * np.maximum(1.0, np.abs(speed))
-        for i in np.flatnonzero(np.abs(np.sin(crank - reach.fast)) <= close):
-            found[i] = abs(solver.dyad_sines((float(crank[i]), 0.0))[0].sine) < _IN_LINE
-    return found
+    reach, is_in_line = solver.mobility, np.zeros(len(crank), dtype=bool)
+    if reach is None or not reach.has_change_point:
+        return is_in_line
+    close = SAME * np.maximum(1.0, np.abs(speed))
+    # Change points are at the angle `fast` or half a turn away, but not always at both.
+    for i in np.flatnonzero(np.abs(np.sin(crank - reach.fast)) <= close):
+        is_in_line[i] = abs(solver.dyad_sines((float(crank[i]), 0.0))[0].sine) < _IN_LINE
+    return is_in_line
 
 
 def around_gaps(
@@ -73,22 +77,22 @@ def around_gaps(
     """
     if not is_in_line.any():
         return dict(columns(x)), is_in_line
-    good, found = _possible(columns, x, np.flatnonzero(~is_in_line))
+    valid, valid_columns = _possible(columns, x, np.flatnonzero(~is_in_line))
     is_gap = np.ones(len(x), dtype=bool)
-    is_gap[good] = False
+    is_gap[valid] = False
     side, has_limit = _sides(x, is_gap)
-    distances = _distances(speed) * side  # shape (distances, 3, gaps)
-    beside = _values_at(columns, found, x[is_gap] + distances, has_limit)
-    largest = max(np.nan_to_num(np.abs(rows[-1])).max() for rows in beside.values())
-    # The nearest place with values on the side of the limit, or on the other if that has none.
-    neighbor = np.searchsorted(good, np.flatnonzero(is_gap)) - (side < 0)
-    neighbor = np.clip(neighbor, 0, len(good) - 1)
+    places = x[is_gap] + _distances(speed) * side  # shape (distances, 3, gaps)
+    beside = _values_at(columns, valid_columns, places, has_limit)
+    largest = max(np.nan_to_num(np.abs(values[-1])).max() for values in beside.values())
+    # The nearest valid place on the side of the limit, or on the other if that has none.
+    neighbor = np.searchsorted(valid, np.flatnonzero(is_gap)) - (side < 0)
+    neighbor = np.clip(neighbor, 0, len(valid) - 1)
     filled = dict[str, Column]()
-    for name, (unit, values) in found.items():
-        full = np.empty(len(x))
-        full[good] = values
-        full[is_gap] = _at_gaps(beside[name], values[neighbor], _ROUNDING * largest)
-        filled[name] = Column(unit, full)
+    for name, (unit, values) in valid_columns.items():
+        all_values = np.empty(len(x))
+        all_values[valid] = values
+        all_values[is_gap] = _at_gaps(beside[name], values[neighbor], _ROUNDING * largest)
+        filled[name] = Column(unit, all_values)
     return filled, is_gap
 
 
@@ -114,7 +118,7 @@ def _distances(speed: float) -> Array:
     Args:
         speed: Largest crank speed if the distances are times, rad/s; otherwise 0.
     """
-    steps = np.unique(np.maximum(_STEPS / speed, _TICKS))[::-1] if speed else _STEPS
+    steps = np.unique(np.maximum(_STEPS / speed, _LEAST_TIMES))[::-1] if speed else _STEPS
     distances: Array = steps[:, None] * np.arange(1.0, 1.0 + len(_LIMIT))
     return distances[:, :, None]
 
@@ -164,18 +168,25 @@ def _possible(
     try:
         return wanted, columns(x[wanted])
     except UnreachableError:
-        good, parts = list[int](), [wanted]
-        while parts:
-            part = parts.pop()
-            try:
-                columns(x[part])
-            except UnreachableError:
-                parts += np.array_split(part, 2) if len(part) > 1 else []
-            else:
-                good += part.tolist()
-        if not good:
+        valid = _bisected(columns, x, wanted)
+        if not valid.size:
             raise
-        return np.sort(good), columns(x[np.sort(good)])
+        return valid, columns(x[valid])
+
+
+def _bisected(columns: Callable[[Array], Mapping[str, Column]], x: Array, wanted: Any) -> Any:
+    """Finds the indices of the wanted places that have values, by halving parts without."""
+    valid, parts = list[int](), [wanted]
+    while parts:
+        part = parts.pop()
+        try:
+            columns(x[part])
+        except UnreachableError:
+            if len(part) > 1:
+                parts += np.array_split(part, 2)
+        else:
+            valid += part.tolist()
+    return np.array(sorted(valid), dtype=int)
 
 
 def _values_at(
@@ -196,10 +207,10 @@ def _values_at(
     Returns:
         The values of each column, in the shape of the places.
     """
-    rows = {name: np.full(places.shape, np.nan) for name in names}
+    values = {name: np.full(places.shape, np.nan) for name in names}
     wanted = np.flatnonzero(np.broadcast_to(is_wanted, places.shape))
     with suppress(UnreachableError):
-        good, found = _possible(columns, places.ravel(), wanted)
-        for name, (_, values) in found.items():
-            rows[name].flat[good] = values
-    return rows
+        valid, valid_columns = _possible(columns, places.ravel(), wanted)
+        for name, column in valid_columns.items():
+            values[name].flat[valid] = column.values
+    return values

@@ -5,7 +5,7 @@
 import functools
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
@@ -32,7 +32,7 @@ from linkage_ros import (
     travel,
 )
 from linkage_ros.formulas import Array
-from linkage_ros.internals import Drawing, without_turns
+from linkage_ros.internals import Drawing, radians_per_second, without_turns
 from linkage_ros.palette import colors_of
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ _BEFORE = 16  # ulp of the largest time; the time just before a point of a law
 # Directions are absolute, unlike the positions of joints in messages and logs.
 SLIDING = ('position', 'm'), ('velocity', 'm/s'), ('acceleration', 'm/s^2')
 TURNING = ('direction', 'rad'), ('angular_velocity', 'rad/s'), ('angular_acceleration', 'rad/s^2')
+_NET_POWER = 'net_power'  # column of efforts that a period does not keep
 
 
 class Extent(NamedTuple):
@@ -124,22 +125,35 @@ class Period:
         self.colors = colors_of(solver.links)
         self.columns: dict[str, Column] = {}
         self.gaps: dict[str, Array] = {}
-        links = dict(zip(solver.links, solver.structure.links, strict=True))
         if time is not None:
             self.add('time', 's', time)
         if not self.driven.slides:
             self.add('crank_angle', 'rad', crank)
-        for i, link in enumerate(links.values()):
-            names = SLIDING if link.slides else TURNING
-            for (name, unit), rows in zip(names, state, strict=False):
-                values = np.unwrap(rows[i]) if name == 'direction' else rows[i]
-                self.add(f'{link.name}.{name}', unit, values)
+        self._add_links(state)
         self.columns |= efforts
-        for point in solver.structure.traced:
-            for (name, unit), vector in zip(SLIDING, solver.point(state, point), strict=True):
+        self._add_points(state)
+        self._add_springs(state)
+
+    def _add_links(self, state: State) -> None:
+        """Adds the motion of each link."""
+        for i, link in enumerate(self.solver.structure.links):
+            names = SLIDING if link.slides else TURNING
+            rows = state.position[i], state.velocity[i], state.acceleration[i]
+            for (name, unit), values in zip(names, rows, strict=True):
+                unwrapped = np.unwrap(values) if name == 'direction' else values
+                self.add(f'{link.name}.{name}', unit, unwrapped)
+
+    def _add_points(self, state: State) -> None:
+        """Adds the motion of each traced point."""
+        for point in self.solver.structure.traced:
+            vectors = self.solver.point(state, point)
+            for (name, unit), vector in zip(SLIDING, vectors, strict=True):
                 self.add(f'{point}.{name}', unit, vector)
+
+    def _add_springs(self, state: State) -> None:
+        """Adds length, rate of the length and tension of each spring."""
         for name in self.springs:
-            spring = solver.spring(state, name)
+            spring = self.solver.spring(state, name)
             self.add(f'{name}.length', 'm', spring.length)
             self.add(f'{name}.length_rate', 'm/s', spring.rate)
             self.add(f'{name}.tension', 'N', spring.tension)
@@ -210,13 +224,19 @@ class Period:
     def gap_note(self) -> str:
         """Names the crank angles without forces in one line; empty if there are none."""
         is_gap = np.any([*self.gaps.values()], axis=0) if self.gaps else np.zeros(1, dtype=bool)
-        (at,) = np.nonzero(is_gap)
-        if not at.size:
+        (indices,) = np.nonzero(is_gap)
+        if not indices.size:
             return ''
-        runs = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
-        ends = [[f'{math.degrees(x):.6g}' for x in self.crank[run[[0, -1]]]] for run in runs]
-        places = ', '.join(dict.fromkeys(' to '.join(dict.fromkeys(pair)) for pair in ends))
-        return f'no forces at {places} deg, where links are in line or friction locks them'
+        runs = np.split(indices, np.flatnonzero(np.diff(indices) > 1) + 1)
+        ranges = dict.fromkeys(self._range_in_degrees(run[0], run[-1]) for run in runs)
+        return (
+            f'no forces at {", ".join(ranges)} deg, where links are in line or friction locks them'
+        )
+
+    def _range_in_degrees(self, first: int, last: int) -> str:
+        """Writes the range between the crank angles of two indices; one number if it is small."""
+        low, high = (f'{math.degrees(self.crank[i]):.6g}' for i in (first, last))
+        return low if low == high else f'{low} to {high}'
 
     @property
     def marks(self) -> Array:
@@ -269,24 +289,35 @@ def _columns(name: str, unit: str, values: Any, count: int) -> dict[str, Column]
 def _efforts(solver: Solver, state: State) -> dict[str, Column]:
     """Computes driving torque and power, forces 'LOAD.force', 'LOAD.2.force' ..., 'LINK.load'.
 
-    The forces of loads are those of `Solver.exerted`. A force that is the opposite of an earlier
-    one on another link, such as the second of a spring, is left out.
+    The forces of loads are those of `Solver.exerted`, without opposites; see `_named_forces`.
     """
-    exerted, driven = solver.exerted(state), solver.structure.driven
-    links = dict(zip(solver.links, solver.structure.links, strict=True))
-    link, count = solver.structure.driven_link, len(state.position[driven])
-    found = _columns(_effort(link), link.units.effort, state.torque, count)
-    found |= _columns('driving_power', 'W', state.torque * state.velocity[driven], count)
-    shown = dict[str, list[Any]]()
-    for new in exerted.forces.values():
-        before = shown.setdefault(new.load, [])
-        if not any(_are_opposite(new, old) for old in before):
-            before.append(new)
-            number = f'.{len(before)}' * (len(before) > 1)
-            found |= _columns(f'{new.load}{number}.force', 'N', new.force, count)
+    structure, exerted = solver.structure, solver.exerted(state)
+    driven, count = structure.driven_link, len(state.position[structure.driven])
+    columns = _columns(_effort(driven), driven.units.effort, state.torque, count)
+    power = state.torque * state.velocity[structure.driven]
+    columns |= _columns('driving_power', 'W', power, count)
+    for name, force in _named_forces(exerted.forces.values()):
+        columns |= _columns(f'{name}.force', 'N', force, count)
+    slides = {link.name: link.slides for link in structure.links}
     for name, effort in exerted.efforts.items():
-        found |= _columns(f'{name}.load', 'N' if links[name].slides else 'N m', effort, count)
-    return found
+        columns |= _columns(f'{name}.load', 'N' if slides[name] else 'N m', effort, count)
+    return columns
+
+
+def _named_forces(forces: Iterable[Any]) -> Iterator[tuple[str, Any]]:
+    """Yields names LOAD, LOAD.2 ... and vectors, N, of the forces that loads exert at points.
+
+    A force that is the opposite of an earlier one on another link, such as the second of a spring,
+    is left out.
+    """
+    by_load = dict[str, list[Any]]()
+    for force in forces:
+        earlier = by_load.setdefault(force.load, [])
+        if any(_are_opposite(force, other) for other in earlier):
+            continue
+        earlier.append(force)
+        number = len(earlier)
+        yield (force.load if number == 1 else f'{force.load}.{number}'), force.force
 
 
 def _are_opposite(one: Any, other: Any) -> bool:
@@ -312,25 +343,24 @@ def period_to_show(
     Raises:
         ConfigurationError: The mechanism or the options cannot be used.
     """
-    name, kind = name_of(source, design), design.mechanism_words
-    # If the crank angle does not determine the motion, the motor does.
     solver = Solver(design.mechanism)
     reach, law = solver.mobility, design.drive.law(solver.structure.driven_link)
     if reach and reach.slides and rpm is not None:
         raise ConfigurationError(
             f'--rpm is for a crank, but {source} drives a {reach.driven}: leave it out'
         )
-    if reach is None:
-        found = _settled(source, design, rpm, options)
+    if reach is None:  # the motor determines the motion
+        period, description = _settled(source, design, rpm, options)
     elif rpm is None and law is not None:
-        found = _along_law(source, design, options)
+        period, description = _along_law(source, design, options)
     elif reach.turns_fully:
-        found = _at_given_speed(source, design, rpm, options)
+        period, description = _at_given_speed(source, design, rpm, options)
     else:
-        found = _over_arc(source, design, rpm, options)
-    period, (group, *lines) = found
-    about = [kind if kind != name else '', design.mechanism.assembly, group]
-    return period, [name, ', '.join(filter(None, about)), *lines]
+        period, description = _over_arc(source, design, rpm, options)
+    mobility_class, *lines = description
+    name, kind = name_of(source, design), design.mechanism_words
+    classes = [kind if kind != name else '', design.mechanism.assembly, mobility_class]
+    return period, [name, ', '.join(filter(None, classes)), *lines]
 
 
 def _at_given_speed(
@@ -354,7 +384,7 @@ def _at_given_speed(
             f'{acceleration:g} rad/s^2: change --rpm or --acceleration, or leave it out'
         )
     period = speed_driven_period(
-        design.mechanism, rpm * math.pi / 30, acceleration, reactions='reactions' in options
+        design.mechanism, radians_per_second(rpm), acceleration, reactions='reactions' in options
     )
     speed = f'{rpm:g} rpm{words}' + (f', {acceleration:g} rad/s^2' if acceleration else '')
     return period, [period.solver.reach.grashof, speed, *travel(period.solver).words()]
@@ -392,7 +422,7 @@ def _along_law(source: str, design: Any, options: dict[str, Any]) -> tuple[Perio
     _require_no(options, f'the law of {source} determines its speed')
     drive, solver = design.drive, Solver(design.mechanism)
     period = law_period(solver, drive, reactions='reactions' in options)
-    return period, [_group(solver), drive.words(period.driven), *_ranges(period)]
+    return period, [_mobility_class(solver), drive.words(period.driven), *_ranges(period)]
 
 
 def _rpm(design: Any, given: float | None) -> tuple[float, str]:
@@ -410,19 +440,22 @@ def _over_arc(
         ConfigurationError: An option does not apply.
     """
     _require_no(options, f'the crank of {source} cannot turn fully')
-    (rpm, assumed), solver = _rpm(design, rpm), Solver(design.mechanism)
-    low, high = solver.reach.arc_around(design.drive.drawn_angle(design.mechanism))
-    margin = _MARGIN * (high - low)  # the rates are infinite at the ends
-    speed, words = rpm * math.pi / 30, f'{rpm:g} rpm over its arc{assumed}'
+    solver = Solver(design.mechanism)
     if solver.reach.slides:
         speed, words = _SLOW, f'{_SLOW:g} m/s over its stroke (assumed)'
-    crank, moving = np.linspace(low + margin, high - margin, 721), without_loads(solver)
-    crank = with_breaks(crank, solver, lambda angles: moving.state(angles, speed))
+    else:
+        rpm, assumed = _rpm(design, rpm)
+        speed, words = radians_per_second(rpm), f'{rpm:g} rpm over its arc{assumed}'
+    low, high = solver.reach.arc_around(design.drive.drawn_angle(design.mechanism))
+    margin = _MARGIN * (high - low)  # the rates are infinite at the ends
+    crank = np.linspace(low + margin, high - margin, 721)
+    unloaded = without_loads(solver)
+    crank = with_breaks(crank, solver, lambda angles: unloaded.state(angles, speed))
     period = _at_speed(solver, crank, speed, reactions='reactions' in options)
-    return period, [_group(solver), words, *_ranges(period)]
+    return period, [_mobility_class(solver), words, *_ranges(period)]
 
 
-def _group(solver: Solver) -> str:
+def _mobility_class(solver: Solver) -> str:
     """Describes the class of a mechanism with one degree of freedom."""
     return f'driven {solver.reach.driven}' if solver.reach.slides else solver.reach.grashof
 
@@ -500,43 +533,62 @@ def law_samples(
         joint at times.
     """
     time, motion = _law_times(law, law_duration(solver, law), steps)
-    moving = without_loads(solver) if solver.model.joint_loads else solver
-    return with_breaks(time, solver, lambda places: moving.state(*motion(places)[:3])), motion
+    frictionless = without_loads(solver) if solver.model.joint_loads else solver
+    time = with_breaks(time, solver, lambda places: frictionless.state(*motion(places)[:3]))
+    return time, motion
 
 
 @functools.lru_cache(1)
 def _law_times(law: Any, last: int, steps: int) -> tuple[Array, Callable[[Array], Driven]]:
-    """Returns the times of `law_samples` up to a time, ns, without those of loads."""
-    each, moments = law.duration, law.curve()
-    rounds, digit = last // each, np.spacing(float(last))
-    even = {last * n // (steps * rounds) for n in range(steps * rounds)}
-    inner = {
-        each * i + time for i in range(rounds) for time in getattr(law, 'times', (0, each))
-    } - {0, last}
+    """Returns the times and the motion of `law_samples`, without the times of loads.
+
+    Args:
+        law: The law.
+        last: End of the motion, a multiple of the law's duration, ns.
+        steps: Number of steps of equal time in each repetition of the law.
+    """
+    resolution = float(np.spacing(float(last)))
+    repetitions = last // law.duration
+    count = steps * repetitions
+    even = {last * n // count for n in range(count)}
+    points = getattr(law, 'times', (0, law.duration))
+    inner = {law.duration * i + time for i in range(repetitions) for time in points} - {0, last}
     # At a point, the acceleration may jump: take the time just before it as well. At the end, the
     # law may begin again.
-    before = np.array([*inner, last]) - _BEFORE * digit
-    found = np.sort([*even | inner, *before]) / 1e9
+    before = np.array([*inner, last]) - _BEFORE * resolution
+    return np.sort([*even | inner, *before]) / 1e9, _law_motion(law, resolution)
 
-    def motion(places: Array) -> Driven:
-        time = places * 1e9
+
+def _law_motion(law: Any, resolution: float) -> Callable[[Array], Driven]:
+    """Returns a function that computes the motion of the driven joint at times, s.
+
+    Times that differ from a whole nanosecond only by rounding count as whole.
+
+    Args:
+        law: The law.
+        resolution: Difference of the last time from the next float, ns.
+    """
+    moments = law.curve()
+
+    def motion(seconds: Array) -> Driven:
+        time = seconds * 1e9
         whole = np.rint(time)
-        is_whole = np.abs(time - whole) < 0.5 * _BEFORE * digit
+        is_whole = np.abs(time - whole) < 0.5 * _BEFORE * resolution
         turns, angle, rate, acceleration = moments(np.where(is_whole, whole, time))
         if law.slides:
             return Driven(angle, rate, acceleration, angle)
         reduced = without_turns(angle, 0.0, 2) + math.tau * (turns % 2)
         return Driven(reduced, rate, acceleration, angle + math.tau * turns)
 
-    return found, motion
+    return motion
 
 
 def _mean_speed(law: Any) -> float:
     """Computes the mean magnitude of the speed of a law, rad/s or m/s, from its reversals."""
     times = sorted({0, law.duration, *law.extremes(math.inf, -math.inf)})
     angles = [moment.turns * math.tau + moment.angle for moment in map(law.at, times)]
-    way = math.fsum(abs(after - before) for before, after in itertools.pairwise(angles))
-    return way / float(law.duration * 1e-9)
+    distance = math.fsum(abs(after - before) for before, after in itertools.pairwise(angles))
+    return distance / float(law.duration * 1e-9)
 
 
 def speed_driven_period(
@@ -606,50 +658,65 @@ def _period(
     Returns:
         The period. Forces are infinite at change points and where friction locks.
     """
-    q, u, a, crank = motion(x)
+    position, rate, change, crank = motion(x)
     has_friction = bool(solver.model.joint_loads)
-    moving = without_loads(solver) if has_friction else solver
-    state = moving.state(q, u, a)
-    rates = np.broadcast_to(u, len(x))
-    in_line = at_change_points(solver, q, rates)
+    frictionless = without_loads(solver) if has_friction else solver
+    rates = np.broadcast_to(rate, len(x))
+    in_line = at_change_points(solver, position, rates)
     fastest = float(np.abs(rates).max()) if 'time' in options else 0.0
 
-    def efforts(places: Array) -> dict[str, Column]:
-        now = motion(places)
-        found = solver.state(*now[:3])
-        columns = _efforts(solver, found)
+    def efforts_at(places: Array) -> dict[str, Column]:
+        driven = motion(places)
+        state = solver.state(driven.q, driven.u, driven.a)
+        columns = _efforts(solver, state)
         if is_periodic:
-            # Summing only the power of the loads and of the crank's acceleration avoids
-            # cancellation.
-            power = _load_power(solver, found)
-            if acceleration:
-                ((inertia,),) = solver.matrix(now.q)
-                power = power + found.velocity[0] * acceleration * inertia
-            columns['power'] = Column('W', power)
+            columns[_NET_POWER] = Column('W', _net_power(solver, state, driven.q, acceleration))
         return columns
 
-    needed, is_gap = around_gaps(efforts, x, in_line & has_friction, fastest)
-    power = needed.pop('power', needed['driving_power']).values
+    efforts, is_gap = around_gaps(efforts_at, x, in_line & has_friction, fastest)
+    power = efforts.pop(_NET_POWER, efforts['driving_power']).values
     period = Period(
-        solver, crank, state, needed, speed=speed, mean_power=mean(x, power), **options
-    )
-    unit_rate = moving.state(period.crank, 1.0)
-    for name in period.springs:
-        unit = 'm' if period.driven.slides else 'rad'
-        leverage = solver.spring(unit_rate, name).rate
-        period.add(f'{name}.leverage', f'm/{unit}', leverage)
-    ratios = unit_rate.velocity  # Mottola 2017, after eq. 33
-    for link, ratio in zip(solver.structure.links, ratios, strict=True):
-        if link != period.driven:
-            units = link.units.position, period.driven.units.position
-            unit = '1' if units[0] == units[1] else '/'.join(units)
-            period.add(f'{link.name}.transmission_ratio', unit, ratio)
-    period.gaps |= dict.fromkeys(needed, is_gap)
+        solver, crank, frictionless.state(position, rate, change), efforts, speed=speed,
+        mean_power=mean(x, power), **options,
+    )  # fmt: skip
+    _add_ratios(period, frictionless.state(crank, 1.0))
+    period.gaps |= dict.fromkeys(efforts, is_gap)
     if reactions:
-        found, is_gap = joint_forces(solver, motion, x, in_line | is_gap, fastest)
-        period.columns |= found
-        period.gaps |= dict.fromkeys(found, is_gap)
+        forces, is_gap = joint_forces(solver, motion, x, in_line | is_gap, fastest)
+        period.columns |= forces
+        period.gaps |= dict.fromkeys(forces, is_gap)
     return period
+
+
+def _net_power(solver: Solver, state: State, position: Array, acceleration: float) -> Array:
+    """Returns the power of the loads and of a constant acceleration of the crank, W.
+
+    Its mean over a period is that of the driving power, because weights and inertia have zero
+    mean power. Leaving them out avoids cancellation.
+    """
+    power = _load_power(solver, state)
+    if acceleration:
+        ((inertia,),) = solver.matrix(position)
+        power = power + state.velocity[0] * acceleration * inertia
+    return power
+
+
+def _add_ratios(period: Period, unit_rate: State) -> None:
+    """Adds the leverages of springs, and the transmission ratios (Mottola 2017, after eq. 33).
+
+    Args:
+        period: The period.
+        unit_rate: The motion for a speed of 1 rad/s or 1 m/s of the driven joint, whose rates are
+            the ratios.
+    """
+    solver, driven_unit = period.solver, period.driven.units.position
+    for name in period.springs:
+        period.add(f'{name}.leverage', f'm/{driven_unit}', solver.spring(unit_rate, name).rate)
+    for link, ratio in zip(solver.structure.links, unit_rate.velocity, strict=True):
+        if link != period.driven:
+            link_unit = link.units.position
+            unit = '1' if link_unit == driven_unit else f'{link_unit}/{driven_unit}'
+            period.add(f'{link.name}.transmission_ratio', unit, ratio)
 
 
 def joint_forces(
@@ -672,15 +739,17 @@ def joint_forces(
 
 
 def _reactions(solver: Solver, motion: Sequence[Any]) -> dict[str, Column]:
-    q, *rates = motion[:3]
-    found, columns = solver.reactions(solver.state(q, *rates)), dict[str, Column]()
-    for pin, force in found.pins.items():
-        columns |= _columns(f'pin_{pin}', 'N', force, len(q))
-    for slider, (across, moment) in found.guides.items():
-        columns |= _columns(f'{slider}.guide_force', 'N', across, len(q))
-        columns |= _columns(f'{slider}.guide_moment', 'N m', moment, len(q))
-    columns |= _columns('shaking_force', 'N', found.shaking_force, len(q))
-    return columns | _columns('shaking_moment', 'N m', found.shaking_moment, len(q))
+    """Computes the columns of `joint_forces` from position and rates of the driven joint."""
+    position, *rates = motion[:3]
+    reactions, count = solver.reactions(solver.state(position, *rates)), len(position)
+    columns = dict[str, Column]()
+    for pin, force in reactions.pins.items():
+        columns |= _columns(f'pin_{pin}', 'N', force, count)
+    for slider, guide in reactions.guides.items():
+        columns |= _columns(f'{slider}.guide_force', 'N', guide.force, count)
+        columns |= _columns(f'{slider}.guide_moment', 'N m', guide.moment, count)
+    columns |= _columns('shaking_force', 'N', reactions.shaking_force, count)
+    return columns | _columns('shaking_moment', 'N m', reactions.shaking_moment, count)
 
 
 def stepped(period: Period, step: float, *, reactions: bool = False) -> dict[str, Column]:
@@ -697,18 +766,11 @@ def stepped(period: Period, step: float, *, reactions: bool = False) -> dict[str
     Raises:
         ConfigurationError: The crank has no constant speed.
     """
-    driven = period.driven.name
-    given = [period.motion(driven, name).values for name in ('velocity', 'acceleration')]
-    if period.across is not OVER_CRANK or any(np.ptp(values) for values in given):
-        raise ConfigurationError(
-            '--csv is for a crank at a given speed: leave it out, or give --rpm if the crank has '
-            'a law'
-        )
-    speed, acceleration = (float(values[0]) for values in given)
+    speed, acceleration = _constant_rates(period)
     first, last = period.marks[0], period.marks[-1]
     degrees = first + step * np.arange(math.floor((last - first) / step + 1e-9) + 1)
-    crank, solver = np.radians(degrees), period.solver
-    table = _at_speed(solver, crank, speed, acceleration, reactions=reactions)
+    crank = np.radians(degrees)
+    table = _at_speed(period.solver, crank, speed, acceleration, reactions=reactions)
     columns = {'crank_angle': Column('deg', degrees)}
     for name, (unit, values) in table.with_gaps().items():
         if name == 'crank_angle':
@@ -716,16 +778,35 @@ def stepped(period: Period, step: float, *, reactions: bool = False) -> dict[str
         if unit == 'rad':  # continuous, although the steps may be large
             near = np.interp(crank, period.crank, period.columns[name].values)
             turns = np.round((near - values) / math.tau)
-            unit, values = 'deg', np.degrees(values + math.tau * turns)
-        columns[name] = Column(unit, values)
-    places = period.drawing.place(table.rows('position'))
-    for pin, place in zip(period.drawing.pins, np.moveaxis(places, 1, 0), strict=True):
-        columns |= {f'{pin}.{x}': Column('m', place[:, i]) for i, x in enumerate('xy')}
-    # Without the digits that hold rounding errors, such as those of 59.99999999999999 deg.
-    return {
-        name: Column(unit, np.array([float(f'{x:.12g}') for x in values]))
-        for name, (unit, values) in columns.items()
-    }
+            columns[name] = Column('deg', np.degrees(values + math.tau * turns))
+        else:
+            columns[name] = Column(unit, values)
+    places = period.drawing.place(table.rows('position'))  # shape (n, pins, 2)
+    for i, pin in enumerate(period.drawing.pins):
+        columns[f'{pin}.x'] = Column('m', places[:, i, 0])
+        columns[f'{pin}.y'] = Column('m', places[:, i, 1])
+    return {name: Column(unit, _twelve_digits(values)) for name, (unit, values) in columns.items()}
+
+
+def _constant_rates(period: Period) -> tuple[float, float]:
+    """Returns the constant speed, rad/s, and acceleration, rad/s^2, of the crank.
+
+    Raises:
+        ConfigurationError: They are not constant, or there is no crank.
+    """
+    velocity = period.motion(period.driven.name, 'velocity').values
+    acceleration = period.motion(period.driven.name, 'acceleration').values
+    if period.across is not OVER_CRANK or np.ptp(velocity) or np.ptp(acceleration):
+        raise ConfigurationError(
+            '--csv is for a crank at a given speed: leave it out, or give --rpm if the crank has '
+            'a law'
+        )
+    return float(velocity[0]), float(acceleration[0])
+
+
+def _twelve_digits(values: Array) -> Array:
+    """Removes the digits with rounding errors, such as those of 59.99999999999999 deg."""
+    return np.array([float(f'{value:.12g}') for value in values])
 
 
 def _load_power(solver: Solver, state: State) -> Array:
@@ -755,13 +836,13 @@ def _settled(
             f'--{option} is for a crank at a given speed, but the motor of {source} determines '
             f'its speed: leave --{option} out'
         )
-    name, given = ('start_rpm', drive.start_rpm) if rpm is None else ('--rpm', rpm)
-    if not given > 0:
+    name, start_rpm = ('start_rpm', drive.start_rpm) if rpm is None else ('--rpm', rpm)
+    if not start_rpm > 0:
         raise ConfigurationError(
-            f'{name} = {given:g}: must be above 0 rpm, because a wind_pump is started '
+            f'{name} = {start_rpm:g}: must be above 0 rpm, because a wind_pump is started '
             'forwards before its motor drives it; try --rpm 20'
         )
-    speed, mechanism = given * math.pi / 30, cast('WindPump', design.mechanism)
+    speed, mechanism = radians_per_second(start_rpm), cast('WindPump', design.mechanism)
     settled = settle(mechanism, drive.motor.torque, drive.motor.damping, speed, progress)
     low, high = settled.turning_points.min(), settled.turning_points.max()
     repeats = f', repeats after {settled.turns} turns' if settled.turns > 1 else ''
@@ -805,7 +886,9 @@ def extent(x: Array, values: Array, curve: Callable[[Array], Array] | None = Non
     Returns:
         The extent; see `peaks`.
     """
-    return extents(x, values[None], curve and (lambda places: curve(places)[None]))[0]
+    if curve is None:
+        return extents(x, values[None])[0]
+    return extents(x, values[None], lambda places: curve(places)[None])[0]
 
 
 def extents(
@@ -815,29 +898,39 @@ def extents(
 
     If any value is infinite, values are interpolated and `curves` is not used.
     """
-    count, finite = len(values), _without_infinite(values)
-    if finite is not values or not curves:
-        curves = interpolated(x, finite)
-    both = np.concatenate([finite, -finite])
-    found, at = peaks(x, both, lambda places: np.concatenate([(y := curves(places)), -y]))
-    for i, sign in itertools.product(range(count), (1, -1)):
-        (infinite,) = np.nonzero(values[i] == sign * np.inf)
-        if infinite.size:
-            row = i if sign > 0 else i + count
-            found[row], at[row] = np.inf, x[infinite[0]]
-    rms = [math.sqrt(mean(x, row * row)) for row in values]
-    return [
-        Extent(0.0 - found[i + count], at[i + count], found[i], at[i], rms[i])
-        for i in range(count)
-    ]
+    is_finite = bool(np.isfinite(values).all())
+    finite = values if is_finite else _without_infinite(values)
+    curve_values = curves if is_finite and curves else interpolated(x, finite)
+
+    def with_opposites(places: Array) -> Array:
+        rows = curve_values(places)
+        return np.concatenate([rows, -rows])
+
+    # The smallest value of a quantity is that of its opposite's largest one.
+    largest, at = peaks(x, np.concatenate([finite, -finite]), with_opposites)
+    (high, opposite_low), (high_at, low_at) = np.split(largest, 2), np.split(at, 2)
+    found = list[Extent]()
+    for i, row in enumerate(values):
+        rms = math.sqrt(mean(x, row * row))
+        of_finite = Extent(0.0 - opposite_low[i], low_at[i], high[i], high_at[i], rms)
+        found.append(_with_infinite(of_finite, x, row))
+    return found
 
 
 def _without_infinite(values: Array) -> Array:
     """Replaces infinite values in rows by values between those at their sides."""
-    if np.isfinite(values).all():
-        return values
     at, rows = np.arange(values.shape[1]), np.isfinite(values)
     return np.array([
         np.interp(at, at[is_finite], row[is_finite])
         for row, is_finite in zip(values, rows, strict=True)
     ])  # fmt: skip
+
+
+def _with_infinite(extent: Extent, x: Array, values: Array) -> Extent:
+    """Returns an extent of finite values, extended to the infinite ones."""
+    (lowest,), (highest,) = np.nonzero(values == -np.inf), np.nonzero(values == np.inf)
+    if lowest.size:
+        extent = extent._replace(low=values[lowest[0]], low_at=x[lowest[0]])
+    if highest.size:
+        extent = extent._replace(high=values[highest[0]], high_at=x[highest[0]])
+    return extent

@@ -87,30 +87,57 @@ def with_breaks(crank: Array, solver: Solver, states: Callable[[Array], State]) 
     pieces = _pieces(solver, states)
     if pieces is None:
         return crank
-    found, breaks = crank, np.empty(0)
-    while True:
-        now = pieces(found)
-        changes = (now[:, 1:] != now[:, :-1]).any(axis=0) & (np.diff(found) > SAME)
-        (at,) = np.nonzero(changes)
-        if not at.size:
-            break
-        low, high = found[at], found[at + 1]
-        for _ in range(_BISECTIONS):
-            middle = 0.5 * (low + high)
-            # Programs compute one value by other functions than many; at a corner, the last bit
-            # decides.
-            several = pieces(np.append(middle, high[-1]))[:, :-1]
-            is_low = (several == now[:, at]).all(axis=0)
-            low, high = np.where(is_low, middle, low), np.where(is_low, high, middle)
-        breaks = np.unique([*breaks, *low, *high])
-        found = np.unique([*found, *breaks])
+    breaks = _breaks(crank, pieces)
     if breaks.size:
-        is_near = np.abs(crank[:, None] - breaks).min(axis=1) < SAME
-        is_near[[0, -1]] = False
-        ends = itertools.pairwise([crank[0], *breaks, crank[-1]])
-        between = [np.linspace(*pair, _PARTS + 1) for pair in ends if pair[1] - pair[0] > SAME]
-        crank = np.unique(np.concatenate([crank[~is_near], breaks, *between]))
+        crank = _with_sides(crank, breaks)
     return _with_bends(crank, solver, states)
+
+
+def _breaks(crank: Array, pieces: Callable[[Array], Array]) -> Array:
+    """Finds both sides of each corner, jump or change point, in increasing order."""
+    places, breaks = crank, np.empty(0)
+    while True:
+        numbers = pieces(places)
+        differs = (numbers[:, 1:] != numbers[:, :-1]).any(axis=0)
+        (steps,) = np.nonzero(differs & (np.diff(places) > SAME))
+        if not steps.size:
+            return breaks
+        low, high = _bisected(pieces, places[steps], places[steps + 1], numbers[:, steps])
+        breaks = np.unique([*breaks, *low, *high])
+        places = np.unique([*places, *breaks])
+
+
+def _bisected(
+    pieces: Callable[[Array], Array], low: Array, high: Array, low_numbers: Array
+) -> tuple[Array, Array]:
+    """Narrows steps to neighbouring floats, between which the pieces change.
+
+    Args:
+        pieces: See `_pieces`.
+        low: Lower ends of the steps, shape (k,).
+        high: Upper ends of the steps, shape (k,).
+        low_numbers: Numbers of the pieces at the lower ends, shape (m, k).
+    """
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        # One more place, because programs compute one value by other functions than many; at a
+        # corner, the last bit decides.
+        numbers = pieces(np.append(middle, high[-1]))[:, :-1]
+        is_low = (numbers == low_numbers).all(axis=0)
+        low, high = np.where(is_low, middle, low), np.where(is_low, high, middle)
+    return low, high
+
+
+def _with_sides(crank: Array, breaks: Array) -> Array:
+    """Adds breaks to crank angles, and even steps between each two breaks."""
+    is_near = np.abs(crank[:, None] - breaks).min(axis=1) < SAME
+    is_near[[0, -1]] = False
+    even = [
+        np.linspace(start, end, _PARTS + 1)
+        for start, end in itertools.pairwise([crank[0], *breaks, crank[-1]])
+        if end - start > SAME
+    ]
+    return np.unique(np.concatenate([crank[~is_near], breaks, *even]))
 
 
 def _with_bends(crank: Array, solver: Solver, states: Callable[[Array], State]) -> Array:
@@ -120,40 +147,61 @@ def _with_bends(crank: Array, solver: Solver, states: Callable[[Array], State]) 
     holds at a change point where friction limits the forces. If friction locks the mechanism, no
     angles are added.
     """
-    model, driven = solver.model, solver.structure.driven
-    still = [0.0] * len(model.links)
-    rubbing = {
-        contact.joint for load in model.joint_loads
-        for contact in load.contacts(model.pins, model.links, still)
-    }  # fmt: skip
+    rubbing, driven = _rubbing_joints(solver), solver.structure.driven
     if not rubbing:
         return crank
 
     def forces(angles: Array) -> Array:
-        found = solver.reactions(states(angles))
-        return np.array(
-            [x + 1j * y for name, (x, y) in found.pins.items() if name in rubbing]
-            + [x.force + 0j for name, x in found.guides.items() if name in rubbing]
-        )
+        """Returns the forces in the joints with friction as x + iy, N, shape (joints, n)."""
+        reactions = solver.reactions(states(angles))
+        pins = [x + 1j * y for name, (x, y) in reactions.pins.items() if name in rubbing]
+        guides = [x.force + 0j for name, x in reactions.guides.items() if name in rubbing]
+        return np.array([*pins, *guides])
 
     state = states(crank)
     is_gap = at_change_points(solver, state.position[driven], state.velocity[driven])
     with suppress(UnreachableError):
-        found = forces(crank[~is_gap])
-        now = np.full((len(found), len(crank)), np.nan + 0j)
-        now[:, ~is_gap] = found
-        least = _SMALL * np.abs(found).max()
+        valid_forces = forces(crank[~is_gap])
+        all_forces = np.full((len(valid_forces), len(crank)), np.nan + 0j)
+        all_forces[:, ~is_gap] = valid_forces
+        least = _SMALL * np.abs(valid_forces).max()
         while True:
-            size, change, step = np.abs(now), np.abs(np.diff(now)), np.diff(crank)
-            bends = change > np.maximum(_CHANGE * np.minimum(size[:, 1:], size[:, :-1]), least)
-            ends = np.diff(np.isnan(now[0]))
-            (at,) = np.nonzero((bends.any(axis=0) & (step > SAME)) | (ends & (step > _END)))
-            if not 0 < at.size < len(crank) / 2:  # more are rounding errors
+            steps = _bent_steps(crank, all_forces, least)
+            if not 0 < steps.size < len(crank) / 2:  # more are rounding errors
                 break
-            middle = 0.5 * (crank[at] + crank[at + 1])
-            now = np.insert(now, at + 1, forces(middle), axis=1)
-            crank = np.insert(crank, at + 1, middle)
+            middle = 0.5 * (crank[steps] + crank[steps + 1])
+            all_forces = np.insert(all_forces, steps + 1, forces(middle), axis=1)
+            crank = np.insert(crank, steps + 1, middle)
     return crank
+
+
+def _rubbing_joints(solver: Solver) -> set[str]:
+    """Returns the names of the joints with friction."""
+    model = solver.model
+    still = [0.0] * len(model.links)
+    return {
+        contact.joint
+        for load in model.joint_loads
+        for contact in load.contacts(model.pins, model.links, still)
+    }
+
+
+def _bent_steps(crank: Array, forces: Array, least: float) -> Any:
+    """Returns the indices of the steps that must be halved.
+
+    In them, a force changes by much of its magnitude, or they end at a change point.
+
+    Args:
+        crank: Crank angles in increasing order, rad, shape (n,).
+        forces: Forces as x + iy, N, NaN at change points, shape (joints, n).
+        least: Smallest change of a force that has an effect, N.
+    """
+    size, change, step = np.abs(forces), np.abs(np.diff(forces)), np.diff(crank)
+    smaller = np.minimum(size[:, 1:], size[:, :-1])
+    is_bent = (change > np.maximum(_CHANGE * smaller, least)).any(axis=0)
+    is_beside_gap = np.diff(np.isnan(forces[0]))
+    (steps,) = np.nonzero((is_bent & (step > SAME)) | (is_beside_gap & (step > _END)))
+    return steps
 
 
 def _pieces(solver: Solver, states: Callable[[Array], State]) -> Callable[[Array], Array] | None:
@@ -200,58 +248,65 @@ def peaks(x: Array, values: Array, curves: Callable[[Array], Array]) -> tuple[Ar
     Returns:
         The largest values, and their places, each of shape (m,).
     """
-    row, near = _tops(x, values)
-    low, high = _neighbors(x, near)
-    size, each = np.abs(values).max(axis=1), np.arange(len(row))
-    close = _CLOSE * size[row]
-    best, at = values[row, near], x[near]
+    # There are c candidates: each is a sample of one of the functions.
+    function, sample = _tops(x, values)
+    candidate = np.arange(len(function))
+    low, high = _neighbors(x, sample)
+    size = np.abs(values).max(axis=1)
+    best, at = values[function, sample], x[sample]
     for _ in range(_ROUNDS):
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        places = middle[:, None] + half[:, None] * _NODES
+        places = middle[:, None] + half[:, None] * _NODES  # shape (c, nodes)
         places[:, 0], places[:, -1] = low, high  # beyond them, there may be a corner
-        found = curves(places.ravel()).reshape(len(values), *places.shape)[row, each]
-        terms = found @ _TERMS
-        node, last = found.argmax(axis=1), best
-        best, at = found[each, node], places[each, node]
+        of_all = curves(places.ravel()).reshape(len(values), *places.shape)
+        at_nodes = of_all[function, candidate]
+        terms, best_before = at_nodes @ _TERMS, best
+        node = at_nodes.argmax(axis=1)
         vertex, is_inside = _vertices(terms)
-        top = (terms * np.cos(np.arccos(vertex)[:, None] * _DEGREES)).sum(axis=1)
+        # A Chebyshev polynomial of degree k is cos(k t) at cos(t).
+        at_vertex = (terms * np.cos(np.arccos(vertex)[:, None] * _DEGREES)).sum(axis=1)
+        best, at = at_nodes[candidate, node], places[candidate, node]
         at = np.where(is_inside, middle + half * vertex, at)
-        best = np.where(is_inside, np.maximum(top, best), best)
-        error = np.minimum(8 * np.abs(terms[:, -2:]).max(axis=1), np.abs(best - last))
-        if (error <= close).all():
+        best = np.where(is_inside, np.maximum(at_vertex, best), best)
+        last_terms = np.abs(terms[:, -2:]).max(axis=1)
+        error = np.minimum(8 * last_terms, np.abs(best - best_before))
+        if (error <= _CLOSE * size[function]).all():
             break
-        node = np.minimum(np.maximum(node, 1), _ORDER - 1)
-        low, high = places[each, node - 1], places[each, node + 1]
-    groups = [np.flatnonzero(row == i) for i in range(len(values))]
-    noise = _EVEN * size
-    first = [
-        group[best[group] >= best[group].max() - noise[i]][0] for i, group in enumerate(groups)
-    ]
-    return best[first], at[first]
+        inner = np.minimum(np.maximum(node, 1), _ORDER - 1)
+        low, high = places[candidate, inner - 1], places[candidate, inner + 1]
+    chosen = list[int]()
+    for i, noise in enumerate(_EVEN * size):
+        own = np.flatnonzero(function == i)
+        is_largest = best[own] >= best[own].max() - noise
+        chosen.append(own[is_largest][0])
+    return best[chosen], at[chosen]
 
 
 def _vertices(terms: Array) -> tuple[Array, Any]:
     """Finds the largest values of Chebyshev polynomials, by parabolas through fine samples.
 
+    Args:
+        terms: Coefficients of the polynomials, shape (c, degrees).
+
     Returns:
         The places in [-1, 1], and whether the largest value is not at an end.
     """
-    fine, each = terms @ _FINE, np.arange(len(terms))
-    cell = fine.argmax(axis=1)
-    inner = np.minimum(np.maximum(cell, 1), _CELLS - 1)
-    before, now, after = fine[each, inner - 1], fine[each, inner], fine[each, inner + 1]
-    bend = before - 2 * now + after
-    is_bent = bend < 0
-    vertex = inner + np.where(is_bent, 0.5 * (before - after) / np.where(is_bent, bend, 1.0), 0.0)
-    is_inside = is_bent & (vertex > 0) & (vertex < _CELLS)
+    fine, polynomial = terms @ _FINE, np.arange(len(terms))
+    largest = fine.argmax(axis=1)
+    inner = np.minimum(np.maximum(largest, 1), _CELLS - 1)
+    before, here, after = (fine[polynomial, inner + i] for i in (-1, 0, 1))
+    bend = before - 2 * here + after
+    is_maximum = bend < 0
+    aside = 0.5 * (before - after) / np.where(is_maximum, bend, 1.0)  # in steps of the samples
+    vertex = inner + np.where(is_maximum, aside, 0.0)
+    is_inside = is_maximum & (vertex > 0) & (vertex < _CELLS)
     return np.clip(vertex, 0, _CELLS) * (2 / _CELLS) - 1, is_inside
 
 
-def _neighbors(x: Array, near: Any) -> tuple[Array, Array]:
-    """Returns the samples on both sides of some, or themselves at an end or a corner."""
-    before, after = np.maximum(near - 1, 0), np.minimum(near + 1, len(x) - 1)
-    here = x[near]
-    low, high = x[before], x[after]
+def _neighbors(x: Array, sample: Any) -> tuple[Array, Array]:
+    """Returns the places on both sides of samples, or their own at an end or a corner."""
+    before, after = np.maximum(sample - 1, 0), np.minimum(sample + 1, len(x) - 1)
+    low, here, high = x[before], x[sample], x[after]
     return np.where(here - low > SAME, low, here), np.where(high - here > SAME, high, here)
 
 
@@ -262,21 +317,21 @@ def _tops(x: Array, values: Array) -> tuple[Any, Any]:
     next to a sample is the sample's value plus the larger of its differences from its neighbours.
 
     Returns:
-        The indices of the functions, and of their samples.
+        The index of the function, and of the sample, of each, of shapes (c,).
     """
-    steps = np.zeros((len(values), len(x) + 1))  # before the first sample, between all, and after
-    steps[:, 1:-1] = np.where(np.diff(x) > SAME, np.diff(values), 0.0)  # not over jumps
-    rise, fall = steps[:, :-1], -steps[:, 1:]  # before and after each sample
+    changes = np.where(np.diff(x) > SAME, np.diff(values), 0.0)  # not over jumps
+    none = np.zeros((len(values), 1))
+    rise, fall = np.hstack([none, changes]), np.hstack([-changes, none])  # before and after each
     bound = values + np.maximum(rise, fall)
     noise = _EVEN * np.abs(values).max(axis=1, keepdims=True)
-    is_top = (rise >= 0) & (fall >= 0) & (rise + fall > noise)
-    is_top &= bound >= values.max(axis=1, keepdims=True)
+    is_maximum = (rise >= 0) & (fall >= 0) & (rise + fall > noise)
+    is_top = is_maximum & (bound >= values.max(axis=1, keepdims=True))
     for i, bounds in enumerate(bound):
-        if is_top[i].sum() > _TOPS:
+        if is_top[i].sum() > _TOPS:  # keep those with the largest bounds
             is_top[i] &= bounds >= np.partition(bounds[is_top[i]], -_TOPS)[-_TOPS]
     is_top[np.arange(len(values)), values.argmax(axis=1)] = True
-    row, near = np.nonzero(is_top)
-    return row, near
+    function, sample = np.nonzero(is_top)
+    return function, sample
 
 
 class _Steps:
@@ -294,9 +349,11 @@ class _Steps:
             count: Number k of values for a polynomial, if there are so many.
         """
         count = min(count, len(x))
-        before = np.clip(np.arange(1 - count // 2, len(x) - count // 2), 0, len(x) - count)
-        self.around = before[:, None] + np.arange(count)
-        self._x, self._nodes = x, x[self.around].T
+        first = np.clip(np.arange(1 - count // 2, len(x) - count // 2), 0, len(x) - count)
+        self.around = first[:, None] + np.arange(count)
+        self._x, self._nodes = x, x[self.around].T  # shape (k, n - 1)
+        # Divided differences of the k values that are 1 at one place and 0 at the others:
+        # shape (order, n - 1, k).
         self._terms = np.repeat(np.eye(count)[:, None], len(x) - 1, axis=1)
         for order in range(1, count):
             apart = self._nodes[order:] - self._nodes[:-order]
@@ -307,9 +364,10 @@ class _Steps:
         step = np.clip(np.searchsorted(self._x, places, side='right') - 1, 0, len(self._x) - 2)
         *lower, value = self._terms[:, step]
         slope = np.zeros_like(value)
+        # Horner's method for Newton's form, from the highest term down.
         for node, term in zip(self._nodes[-2::-1, step], reversed(lower), strict=True):
-            way = (places - node)[:, None]
-            value, slope = value * way + term, slope * way + value
+            from_node = (places - node)[:, None]
+            value, slope = value * from_node + term, slope * from_node + value
         return step, value, slope
 
     @functools.cached_property
@@ -335,13 +393,14 @@ def interpolated(x: Array, values: Array) -> Callable[[Array], Array]:
     starts = np.array([x[part.start] for part, _ in parts])
 
     def curves(places: Array) -> Array:
-        which = np.clip(np.searchsorted(starts, places, side='right') - 1, 0, None)
+        part_of_place = np.clip(np.searchsorted(starts, places, side='right') - 1, 0, None)
         found = np.empty((len(values), len(places)))
-        for i in np.unique(which):
+        for i in np.unique(part_of_place):
+            is_inside = part_of_place == i
             part, steps = parts[i]
-            step, weights, _ = steps.at(places[which == i])
-            near = values[:, part][:, steps.around[step]]
-            found[:, which == i] = (near * weights).sum(axis=2)
+            step, weights, _ = steps.at(places[is_inside])
+            around = values[:, part][:, steps.around[step]]
+            found[:, is_inside] = (around * weights).sum(axis=2)
         return found
 
     return curves
@@ -360,8 +419,8 @@ def integral(crank: Array, values: Array) -> Array:
     """Integrates values over the crank angle, from the first angle to each angle."""
     areas = 0.5 * np.diff(crank) * (values[1:] + values[:-1])
     for part, steps in _smooth_parts(crank.tobytes()):
-        near = values[part][steps.around]
-        areas[part.start : part.stop - 1] = (near * steps.areas).sum(axis=1)
+        around = values[part][steps.around]
+        areas[part.start : part.stop - 1] = (around * steps.areas).sum(axis=1)
     return np.concatenate([[0.0], np.cumsum(areas)])
 
 
@@ -369,8 +428,16 @@ def integral(crank: Array, values: Array) -> Array:
 # quantities at the same places; without the cache it takes three times as long.
 @functools.lru_cache(4)
 def _smooth_parts(places: bytes, count: int = _NEAR) -> list[tuple[slice, _Steps]]:
-    """Finds the parts between corners and jumps, which have a crank angle on either side."""
+    """Finds the parts between corners and jumps, which have a crank angle on either side.
+
+    Args:
+        places: Crank angles in increasing order, rad, as bytes.
+        count: See `_Steps`.
+
+    Returns:
+        The indices of the crank angles of each part, and their polynomials.
+    """
     crank = np.frombuffer(places)
     cuts = [0, *(np.flatnonzero(np.diff(crank) < SAME) + 1).tolist(), len(crank)]
-    parts = [slice(*pair) for pair in itertools.pairwise(cuts) if pair[1] - pair[0] > 1]
+    parts = [slice(start, end) for start, end in itertools.pairwise(cuts) if end - start > 1]
     return [(part, _Steps(crank[part], count)) for part in parts]
