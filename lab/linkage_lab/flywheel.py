@@ -108,9 +108,9 @@ class Crank:
         of this integral.
         """
         angles, *_ = self._period(speed)
-        taken = self._torque(angles, np.full_like(angles, speed))
-        found = extent(angles, integral(angles, mean(angles, taken) - taken))
-        return found.high - found.low
+        torque = self._torque(angles, np.full_like(angles, speed))
+        work = extent(angles, integral(angles, mean(angles, torque) - torque))
+        return work.high - work.low
 
     def inertia_for(self, fluctuation: float, speed: float, motor: Motor | None = None) -> float:
         """Computes the inertia to add for a given fluctuation, kg m^2; 0 if none is needed.
@@ -197,32 +197,40 @@ class Crank:
         for _ in range(_ROUNDS):
             if not np.isfinite(velocity).all():
                 break
-            last, slope = velocity, derivative(angles, velocity)
-            energy, change = inertia * last * last / 2, last * slope
-            resistance = self._resistance(speed, last, change, drive)
-            faster = self._resistance(speed, (1 + _APART) * last, change, drive)
-            slope = (faster - resistance) / (2 * _APART * energy)
+            energy = inertia * velocity * velocity / 2
+            acceleration = velocity * derivative(angles, velocity)
+            resistance = self._resistance(speed, velocity, acceleration, drive)
+            of_faster = self._resistance(speed, (1 + _APART) * velocity, acceleration, drive)
+            slope = (of_faster - resistance) / (2 * _APART * energy)  # with the energy
             try:
-                found, constant = self._solve(resistance, slope, energy, inertia, speed, motor)
+                new_energy, constant = self._solve(
+                    resistance, slope, energy, inertia, speed, motor
+                )
             except (ValueError, RuntimeError):  # not finite, or the crank almost stops
                 break
-            velocity = math.copysign(1.0, speed) * np.sqrt(2 * found / inertia)
+            last = velocity
+            velocity = math.copysign(1.0, speed) * np.sqrt(2 * new_energy / inertia)
             if np.abs(velocity - last).max() <= _CLOSE * abs(speed):
                 applied = constant + drive.at(velocity)
-                return Cycle(angles, velocity, applied, applied - added * change)
-        words = 'no steady cycle of the crank speed was found'
-        raise MechanismError('the motor cannot drive the cycle' if motor else words)
+                return Cycle(angles, velocity, applied, applied - added * acceleration)
+        raise MechanismError(
+            'the motor cannot drive the cycle'
+            if motor
+            else 'no steady cycle of the crank speed was found'
+        )
 
     def _torque(self, angles: Array, *rates: Array) -> Any:
         """Computes the driving torque at given speeds and accelerations of the crank, N m."""
         return self._solver.state(beside_change_points(self._solver, angles), *rates).torque
 
-    def _resistance(self, speed: float, velocity: Array, change: Array, motor: Motor) -> Array:
+    def _resistance(
+        self, speed: float, velocity: Array, acceleration: Array, motor: Motor
+    ) -> Array:
         """Computes the torque of weights, loads and friction, minus the motor's torque, N m."""
-        angles, own, growth = self._period(speed)
-        taken = self._torque(angles, velocity, change)
-        inertia = own * change + growth * velocity * velocity / 2
-        return np.asarray(taken - inertia - motor.at(velocity))
+        angles, inertia, growth = self._period(speed)
+        driving = self._torque(angles, velocity, acceleration)
+        inertial = inertia * acceleration + growth * velocity * velocity / 2
+        return np.asarray(driving - inertial - motor.at(velocity))
 
     def _solve(
         self,
@@ -235,31 +243,43 @@ class Crank:
     ) -> tuple[Array, float]:
         """Solves dE/dtheta = c - resistance - slope (E - last) over a period for E and c.
 
+        Args:
+            resistance: See `_resistance`, N m, shape (n,), as the next three.
+            slope: Derivative of the resistance with respect to the kinetic energy, N m/J.
+            last: Kinetic energy of the last iteration, J.
+            inertia: Inertia at the crank, including a flywheel, kg m^2.
+            speed: Mean speed over time, rad/s; with a motor, an estimate of it.
+            motor: The motor, with which c is 0; None for the constant torque c.
+
+        Returns:
+            The kinetic energy E, J, and c, N m.
+
         Raises:
             ValueError: No solution has the given mean speed, or the motor does not limit it.
             RuntimeError: The mean speed was not reached.
         """  # fmt: skip
-        # In the direction of motion, in which disturbances decay, with E at the start unknown:
-        # E = start / factor + given + c * unit.
-        way = 1 if speed > 0 else -1
-        crank = way * self._period(speed)[0][::way]
-        slope, torque = way * slope[::way], way * (slope * last - resistance)[::way]
+        # All arrays are put in the direction of motion, in which disturbances decay.
+        sign = 1 if speed > 0 else -1
+        crank = sign * self._period(speed)[0][::sign]
+        slope, torque = sign * slope[::sign], sign * (slope * last - resistance)[::sign]
+        # With E at the start unknown, E = start / factor + of_torque + c * of_unit.
         factor = np.exp(integral(crank, slope))  # integrating factor
-        given = integral(crank, factor * torque) / factor
-        unit = integral(crank, factor) / factor
-        # E is periodic for c = c_per_start * start + c_given.
-        c_per_start = (1 - 1 / factor[-1]) / unit[-1]
-        c_given = -given[-1] / unit[-1]
-        offset = given + c_given * unit
-        gain = 1 / factor + c_per_start * unit  # E = offset + gain * start
+        of_torque = integral(crank, factor * torque) / factor
+        of_unit = integral(crank, factor) / factor
+        # E is periodic for c = c_per_start * start + c_at_0.
+        c_per_start = (1 - 1 / factor[-1]) / of_unit[-1]
+        c_at_0 = -of_torque[-1] / of_unit[-1]
+        # Hence E = offset + gain * start.
+        offset = of_torque + c_at_0 * of_unit
+        gain = 1 / factor + c_per_start * of_unit
         if motor is None:
-            start = _start_energy(crank, offset, gain, inertia[::way], speed)
+            start = _start_energy(crank, offset, gain, inertia[::sign], speed)
             energy = offset + start * gain
-            return energy[::way], way * float(start * c_per_start + c_given)
+            return energy[::sign], sign * float(start * c_per_start + c_at_0)
         if not c_per_start > 0:
             raise ValueError('nothing limits the speed')
-        energy = offset - c_given / c_per_start * gain  # c is 0
-        return np.maximum(energy[::way], _DROP * last), 0.0
+        energy = offset - c_at_0 / c_per_start * gain  # c is 0
+        return np.maximum(energy[::sign], _DROP * last), 0.0
 
 
 def _start_energy(

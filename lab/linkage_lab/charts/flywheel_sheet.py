@@ -4,6 +4,7 @@
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -108,52 +109,47 @@ def size_flywheel(
     """
     crank, speed = Crank(period.solver.mechanism), period.speed
     added = crank.inertia_for(fluctuation, speed)
-    bare, without = _attempt(crank, speed, 0.0)
-    driven, words = _attempt(crank, speed, added, motor) if motor else (None, '')
-    found = _Sizing(
+    bare, failure = _attempt(crank, speed, 0.0)
+    driven, driven_words = _attempt(crank, speed, added, motor) if motor else (None, '')
+    sizing = _Sizing(
         period, fluctuation, added, crank.energy(speed), crank.cycle(speed, added), bare, motor,
         driven,
     )  # fmt: skip
-    missed = _missed(crank, found, motor) if motor and not found.keeps(driven) else ''
-    _draw(found, name, missed, files)
-    without = f'{bare.fluctuation:.4g}' if bare else without
-    stored, total = rounded(found.energy), found.energy / (fluctuation * speed**2)
+    warning = _not_kept(crank, sizing, motor) if motor and not sizing.keeps(driven) else ''
+    _draw(sizing, name, warning, files)
+    without = f'{bare.fluctuation:.4g}' if bare else failure
+    stored, total = rounded(sizing.energy), sizing.energy / (fluctuation * speed**2)
     lines = [
-        _demand(period, 'driving_torque', found.torque),
+        _demand(period, 'driving_torque', sizing.torque),
         _demand(period, 'driving_power', period.mean_power),
         f'fluctuation {fluctuation:g}: add {added:.5g} kg m^2 to the crank (without: {without})',
         f'to first order: {stored} J between the extremes, {total:.5g} kg m^2 in total',
     ]
     if motor:
-        needed = f'and the cycle needs {rounded(found.torque)} N m'
+        needed = f'and the cycle needs {rounded(sizing.torque)} N m'
+        _, without_words = _attempt(crank, speed, 0.0, motor)
         lines += [
             f'{motor}: {rounded(motor.at(speed))} N m at this speed, {needed}',
-            f'with the flywheel: {words}',
-            f'without: {_attempt(crank, speed, 0.0, motor)[1]}',
+            f'with the flywheel: {driven_words}',
+            f'without: {without_words}',
         ]
-    return [*lines, missed] if missed else lines
+    return [*lines, warning] if warning else lines
 
 
-def _missed(crank: Crank, found: _Sizing, motor: Motor) -> str:
-    """Says that the motor does not keep speed and fluctuation, and what would."""
-    period, needs = found.period, list[str]()
-    try:
-        inertia = crank.inertia_for(found.fluctuation, period.speed, motor)
-        if found.keeps(crank.cycle(period.speed, inertia, motor)):
-            needs.append(f'{inertia:.4g} kg m^2')
-    except LinkageError:
-        pass  # no flywheel helps
-    try:
-        stronger = crank.motor_for(period.speed, found.added, motor)
-        torque = f'a motor torque of {rounded(stronger.torque)} N m'
-        inertia = crank.inertia_for(found.fluctuation, period.speed, stronger)
-        more = f' with {inertia:.4g} kg m^2' if inertia > _SLIGHTLY * found.added else ''
-        needs.append(torque + more)
-    except LinkageError:
-        pass  # no torque helps
-    asked = f'{rounded(_RPM * period.speed)} rpm with fluctuation {found.fluctuation:g}'
-    cure = f'needs {" or ".join(needs)}' if needs else 'needs another motor'
-    return f'NOT kept: {asked}; {cure}'
+def _not_kept(crank: Crank, sizing: _Sizing, motor: Motor) -> str:
+    """Writes that the motor does not keep speed and fluctuation, and what would."""
+    cures = list[str]()
+    with suppress(LinkageError):  # no flywheel helps
+        inertia = crank.inertia_for(sizing.fluctuation, sizing.period.speed, motor)
+        if sizing.keeps(crank.cycle(sizing.period.speed, inertia, motor)):
+            cures.append(f'{inertia:.4g} kg m^2')
+    with suppress(LinkageError):  # no torque helps
+        stronger = crank.motor_for(sizing.period.speed, sizing.added, motor)
+        inertia = crank.inertia_for(sizing.fluctuation, sizing.period.speed, stronger)
+        more = f' with {inertia:.4g} kg m^2' if inertia > _SLIGHTLY * sizing.added else ''
+        cures.append(f'a motor torque of {rounded(stronger.torque)} N m{more}')
+    asked = f'{rounded(_RPM * sizing.period.speed)} rpm with fluctuation {sizing.fluctuation:g}'
+    return f'NOT kept: {asked}; needs {" or ".join(cures) or "another motor"}'
 
 
 def _demand(period: Period, name: str, average: float) -> str:
@@ -206,16 +202,15 @@ def _draw(found: _Sizing, name: str, missed: str, files: Pictures) -> None:
 def _rows(found: _Sizing) -> list[tuple[str, str]]:
     """Returns the rows of the table: names and values."""
     period, bare, driven = found.period, found.bare, found.driven
-    size, power = (
-        extent(period.crank, period.columns[f'driving_{x}'].values) for x in ('torque', 'power')
-    )
+    torque = extent(period.crank, period.columns['driving_torque'].values)
+    power = extent(period.crank, period.columns['driving_power'].values)
     rows = [
         ('mean speed', f'{rounded(_RPM * period.speed)} rpm'),
         ('allowed fluctuation', f'{found.fluctuation:g}'),
         ('without flywheel', f'{bare.fluctuation:.4g}' if bare else 'no steady cycle'),
         ('added to the crank', f'{found.added:.5g} kg m\N{SUPERSCRIPT TWO}'),
         ('surplus of a turn', f'{rounded(found.energy)} J'),
-        ('torque: peak, rms, mean', f'{_listed(_peak(size), size.rms, found.torque)} N m'),
+        ('torque: peak, rms, mean', f'{_listed(_peak(torque), torque.rms, found.torque)} N m'),
         ('power: peak, mean', f'{_listed(_peak(power), period.mean_power)} W'),
     ]
     if found.motor:
@@ -244,21 +239,19 @@ def _write_table(figure: Figure, rows: Sequence[tuple[str, str]]) -> None:
 def _draw_torques(axes: Axes, found: _Sizing) -> None:
     """Plots the torques, and fills the work that the flywheel stores and returns."""
     period, steady, driven = found.period, found.steady, found.driven
-    taken = period.columns['driving_torque'].values
-    given = np.interp(period.crank, steady.crank, steady.torque)
-    surplus = math.copysign(1.0, period.speed) * (given - taken) > 0
-    light = fractions(mixed(BLUE, WHITE, 0.75))
-    looks: dict[str, dict[str, Any]] = {
-        'surplus, stored': {'where': surplus, 'facecolor': light},
-        'deficit, returned': {
-            'where': ~surplus, 'facecolor': 'white', 'edgecolor': '0.55', 'hatch': '////',
-        },
-    }  # fmt: skip
-    for label, look in looks.items():
+    needed = period.columns['driving_torque'].values
+    supplied = np.interp(period.crank, steady.crank, steady.torque)
+    is_surplus = math.copysign(1.0, period.speed) * (supplied - needed) > 0
+
+    def fill(label: str, where: Any, **look: Any) -> None:
         axes.fill_between(
-            period.marks, taken, given, interpolate=True, linewidth=0, label=label, **look
-        )
-    curves = {NEEDED: (period.marks, taken), STEADY: (_degrees(steady), steady.torque)}
+            period.marks, needed, supplied, where, interpolate=True, linewidth=0, label=label,
+            **look,
+        )  # fmt: skip
+
+    fill('surplus, stored', is_surplus, facecolor=fractions(mixed(BLUE, WHITE, 0.75)))
+    fill('deficit, returned', ~is_surplus, facecolor='white', edgecolor='0.55', hatch='////')
+    curves = {NEEDED: (period.marks, needed), STEADY: (_degrees(steady), steady.torque)}
     if driven:
         curves[DRIVEN] = _degrees(driven), driven.torque
     lines = _plot(axes, curves)
@@ -273,11 +266,13 @@ def _draw_speeds(axes: Axes, found: _Sizing) -> None:
     axes.axhspan(low, high, color='0.88', label='allowed', zorder=0)
     curves = {name: (_degrees(x), _RPM * x.velocity) for name, x in cycles.items() if x}
     lines = _plot(axes, curves)
-    # The speed without a flywheel may be far from the others.
-    shown = [low, high, *(x for name, (_, y) in curves.items() if name != BARE for x in y)]
-    ends, room = axes.get_ylim(), _SHOWN * (high - low)
-    bottom, ceiling = max(ends[0], min(shown) - room), min(ends[1], max(shown) + room)
-    axes.set_ylim(bottom, ceiling)
+    # The speed without a flywheel may be far from the others, and may be cut off.
+    shown = [low, high]
+    for name, (_, speeds) in curves.items():
+        if name != BARE:
+            shown += [speeds.min(), speeds.max()]
+    (bottom, top), room = axes.get_ylim(), _SHOWN * (high - low)
+    axes.set_ylim(max(bottom, min(shown) - room), min(top, max(shown) + room))
     over(axes, found.period, 'Crank speed, rpm')
     _explain(axes, lines)
 

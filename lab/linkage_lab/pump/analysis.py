@@ -106,14 +106,7 @@ class Analysis(NamedTuple):
                 {**state.motion.record(), 'share_of_starts': state.share}
                 for state in self.states
             ],
-            'averaged_states': [
-                state.averaged and {
-                    'torque': self.torque,
-                    'load': self.torque - self.damping * state.averaged.speed,
-                    **state.averaged.numbers,
-                }
-                for state in self.states
-            ],
+            'averaged_states': [self._averaged_record(state) for state in self.states],
             'starts': {
                 'count': self.starts, 'stopped': stopped, 'stretched': stretched,
                 'unidentified': unsettled,
@@ -136,6 +129,25 @@ class Analysis(NamedTuple):
                 for run in self.runs
             ],
         }  # fmt: skip
+
+    def _averaged_record(self, state: SteadyState) -> dict[str, Any] | None:
+        """Returns the averaged motion near a state as a JSON record; None if none was found."""
+        if state.averaged is None:
+            return None
+        load = self.torque - self.damping * state.averaged.speed
+        return {'torque': self.torque, 'load': load, **state.averaged.numbers}
+
+
+class _Outcome(NamedTuple):
+    """The end of a motion from a start.
+
+    Attributes:
+        end: The stable state in which it settles, or one of REASONS why it settles in none.
+        duration: Time until then, s.
+    """
+
+    end: PeriodicMotion | str
+    duration: float
 
 
 def analyse(
@@ -166,21 +178,22 @@ def analyse(
     search, starts = _Search(shooting), list(_starts(mechanism, shooting))
     for start in progress(starts, "Newton's method"):
         search.try_newton(np.array(start))
-    ends = [search.settled(start)[0] for start in progress(starts, 'starts')]
-    runs = list(_runs(search, mechanism, speeds))  # may find further states
-    states = sorted(search.states, key=lambda state: state.motion.speed)
-    numbers = {state.motion: number for number, state in enumerate(states)}
+    ends = [search.settled(start).end for start in progress(starts, 'starts')]
+    # The runs may find further states, hence the states are numbered after them.
+    runs = list(_runs(search, mechanism, speeds))
+    states = [
+        state._replace(
+            averaged=averaged(state.motion), share=ends.count(state.motion) / len(starts)
+        )
+        for state in sorted(search.states, key=lambda state: state.motion.speed)
+    ]
+    numbers: dict[object, int] = {state.motion: number for number, state in enumerate(states)}
     return Analysis(
         torque,
         damping,
-        [
-            state._replace(
-                averaged=averaged(state.motion), share=ends.count(state.motion) / len(starts)
-            )
-            for state in states
-        ],
+        states,
         search.pieces,
-        [Run(name, times, speeds, numbers.get(end)) for name, times, speeds, end in runs],
+        [run._replace(state=numbers.get(end)) for run, end in runs],
         len(starts),
         {reason: ends.count(reason) / len(starts) for reason in REASONS if reason in ends},
     )
@@ -212,13 +225,13 @@ def settle(
     """
     search = _Search(_shooting(mechanism, torque, damping, [speed]), follows=False)
     start = mechanism.slider.position, speed, mechanism.slider.velocity
-    end, duration = search.settled(start, progress(_CHECKS, 'motion'))
-    if isinstance(end, str):
+    outcome = search.settled(start, progress(_CHECKS, 'motion'))
+    if isinstance(outcome.end, str):
         raise ConfigurationError(
-            f'from {speed:g} rad/s the pump does not settle within {duration:.3g} s, because '
-            f'it {end}: try another speed, or linkage_record'
+            f'from {speed:g} rad/s the pump does not settle within {outcome.duration:.3g} s, '
+            f'because it {outcome.end}: try another speed, or linkage_record'
         )
-    return end
+    return outcome.end
 
 
 def _shooting(
@@ -246,35 +259,44 @@ def _starts(mechanism: WindPump, shooting: Shooting) -> Iterator[tuple[float, ..
     r, b, c = (link.length for link in (mechanism.crank, mechanism.coupler, mechanism.rod))
     near, far = abs(b - c) + r, b + c - r
     side = math.copysign(1.0, mechanism.slider.position)
-    _, pace, slide, _ = shooting.units.tolist()
-    for x, w, v in itertools.product(*_GRID):
-        yield side * (near + x * (far - near)), w * pace, v * slide
+    _, speed_unit, velocity_unit, _ = shooting.units.tolist()
+    for part, speed, velocity in itertools.product(*_GRID):
+        yield side * (near + part * (far - near)), speed * speed_unit, velocity * velocity_unit
 
 
 def _runs(
     search: '_Search', mechanism: WindPump, speeds: Sequence[float]
-) -> Iterator[tuple[str, Array, Array, Any]]:
+) -> Iterator[tuple[Run, PeriodicMotion | str]]:
     """Computes the motions for the chart, from given speeds and from beside unstable states.
 
     Yields:
-        The name of the start, times, crank speeds, and what `_Search.settled` finds.
+        A run without the number of its state, and `_Outcome.end`.
     """
+    starts = _run_starts(search, mechanism, speeds)
+    outcomes = [search.settled(start) for _, start in starts]
+    longest = max(outcome.duration for outcome in outcomes)
+    times = np.linspace(0.0, longest, _SAMPLES)
+    for (name, start), outcome in zip(starts, outcomes, strict=True):
+        solution = search.shooting.run(np.array((0.0, *start)), longest, times)
+        _, _, crank_speeds, _ = np.reshape(solution.y, (4, -1))
+        yield Run(name, solution.t, crank_speeds, state=None), outcome.end
+
+
+def _run_starts(
+    search: '_Search', mechanism: WindPump, speeds: Sequence[float]
+) -> list[tuple[str, list[float]]]:
+    """Returns the name of each start, and slider position, crank speed and slider velocity."""
     x, v = mechanism.slider.position, mechanism.slider.velocity
     starts = [(f'{speed:g} rad/s', [x, speed, v]) for speed in speeds]
     for state in search.unstable:
         # Deviations along this eigenvector grow most.
         values, vectors = np.linalg.eig(state.derivative[:, :3])
-        away = vectors[:, np.abs(values).argmax()].real
-        faster = away * (np.copysign(_ASIDE, away[1]) * search.shooting.units[:3])
+        direction = vectors[:, np.abs(values).argmax()].real
+        faster = direction * (np.copysign(_ASIDE, direction[1]) * search.shooting.units[:3])
         name = f'beside {state.speed:.4g} rad/s'
         starts.append((f'{name}, slower', (state.phase[:3] - faster).tolist()))
         starts.append((f'{name}, faster', (state.phase[:3] + faster).tolist()))
-    ends = [search.settled(start) for _, start in starts]
-    times = np.linspace(0.0, max(duration for _, duration in ends), _SAMPLES)
-    for (name, start), (end, _) in zip(starts, ends, strict=True):
-        found = search.shooting.run(np.array((0.0, *start)), times[-1], times)
-        _, _, speeds_there, _ = np.reshape(found.y, (4, -1))
-        yield name, found.t, speeds_there, end
+    return starts
 
 
 class _Search:
@@ -302,64 +324,66 @@ class _Search:
         pieces = follow(motion) if self._follows else [Piece([motion], LOST)]
         self.pieces += pieces
         for piece in pieces:
-            own = [motion] if motion in piece.motions else []
-            for state in (*own, *piece.states(motion.torque)):
+            given = [motion] if motion in piece.motions else []
+            for state in (*given, *piece.states(motion.torque)):
                 if not self._known(state):
                     self.states.append(SteadyState(state, piece))
 
-    def settled(
-        self, start: Sequence[float], checks: Iterable[int] = _CHECKS
-    ) -> tuple[Any, float]:
+    def settled(self, start: Sequence[float], checks: Iterable[int] = _CHECKS) -> _Outcome:
         """Finds the state in which a motion settles.
 
         Args:
             start: Slider position, crank speed and slider velocity at crank angle 0.
             checks: Numbers of the checks, in order; may be wrapped in a progress bar.
-
-        Returns:
-            The state, or the reason why none is known; and the time until then, s.
         """
         values, time = np.array((0.0, *start)), 0.0
         between_checks = _TURNS_PER_CHECK * TURN / self.shooting.units[1]
         passages = np.empty((3, 0))
         for check in checks:
-            found = self.shooting.run(values, between_checks)
-            time += found.t[-1]
-            if not found.success:
-                return STRETCHED, time
+            solution = self.shooting.run(values, between_checks)
+            time += solution.t[-1]
+            if not solution.success:
+                return _Outcome(STRETCHED, time)
             # Each column is a state at which the sine of the crank angle rises.
-            crossings = found.y_events[0].T
+            crossings = solution.y_events[0].T
             if not crossings.size:
-                return STOPPED, time
+                return _Outcome(STOPPED, time)
             # The sine also rises at pi, if the crank passes it backwards.
             is_at_0 = np.cos(crossings[0]) > 0
             passages = np.hstack((passages, crossings[1:, is_at_0]))
-            values = found.y[:, -1]
+            values = solution.y[:, -1]
             values[0] %= TURN
             if check % _NEWTON_EVERY == 0:
                 self._identify(passages)
             state = self._reached(passages)
             if state:
-                return state, time
-        return UNSETTLED, time
+                return _Outcome(state, time)
+        return _Outcome(UNSETTLED, time)
 
     def _reached(self, passages: Array) -> PeriodicMotion | None:
         """Returns the stable state that a motion has reached after its passages, if any."""
-        last, count = passages[:, -_PASSAGES:], passages.shape[1]
-        for state in (state.motion for state in self.states if state.motion.stable):
-            edges = [state.distance(one.sections[:3]).min() for one in self.unstable]
-            near = min([_NEAR, *(_INSIDE * edge for edge in edges)])
-            if count > _PASSAGES and state.distance(last).max() < near:
-                return state
+        if passages.shape[1] <= _PASSAGES:
+            return None
+        last = passages[:, -_PASSAGES:]
+        for state in self.states:
+            motion = state.motion
+            if motion.stable and motion.distance(last).max() < self._settled_distance(motion):
+                return motion
         return None
+
+    def _settled_distance(self, motion: PeriodicMotion) -> float:
+        """Returns the distance from a stable state below which a motion has settled in it."""
+        to_unstable = [motion.distance(other.sections[:3]).min() for other in self.unstable]
+        return min([_NEAR, *(_INSIDE * distance for distance in to_unstable)])
 
     def try_newton(self, passage: Array, turns: int = 1) -> PeriodicMotion | None:
         """Adds the state that Newton's method finds from a passage, and returns it, if any."""
         with suppress(MotionError):
             guess = np.append(passage, self.shooting.torque)
-            motion = self.shooting.find(guess, turns, tolerance=ROUGH)
-            if not self._known(motion):
-                motion = self.shooting.find(motion.phase, motion.turns)
+            rough = self.shooting.find(guess, turns, tolerance=ROUGH)
+            if known := self._known(rough):
+                return known
+            motion = self.shooting.find(rough.phase, rough.turns)
             if not self._known(motion):
                 self._add(motion)
             return self._known(motion)
@@ -369,13 +393,15 @@ class _Search:
         """Adds the stable state that a motion approaches, if Newton's method finds one."""
         last, units = passages[:, -1], self.shooting.units[:3]
         for turns in _PERIODS:
-            if passages.shape[1] > turns:
-                moved = (last - passages[:, -1 - turns]) / units
-                if np.abs(moved).max() < _REPEATS:
-                    found = self.try_newton(last, turns)
-                    if found and found.stable:
-                        return
+            if passages.shape[1] <= turns:
+                continue
+            moved = (last - passages[:, -1 - turns]) / units
+            if np.abs(moved).max() < _REPEATS:
+                motion = self.try_newton(last, turns)
+                if motion and motion.stable:
+                    return
 
     def _known(self, motion: PeriodicMotion) -> PeriodicMotion | None:
+        """Returns the known state that is the same as a motion, if any."""
         same = (state.motion for state in self.states if motion.is_same(state.motion))
         return next(same, None)

@@ -68,13 +68,15 @@ def residuals(shooting: Shooting, motion: AveragedMotion, torque: float) -> Arra
         UnreachableError: The dyad does not close at some crank angle.
     """
     x, w, v = motion.at(_ANGLES)
-    q, left = (_ANGLES, x), torque - shooting.damping * w
+    q, motor_torque = (_ANGLES, x), torque - shooting.damping * w
+    free_crank, free_slider = shooting.solver.accelerations(q, (w, v), motor_torque)
     # A motion with other accelerations than the free ones needs the forces M (q'' - free q'').
-    free, slider = shooting.solver.accelerations(q, (w, v), left)
+    # The crank of the approximate motion does not accelerate.
     (m11, m12), (_, m22) = shooting.solver.matrix(q)
-    extra = w * w * (motion.mean - x) - slider
-    forces = m22 * extra - m12 * free
-    return np.append(_WAVES @ forces, (m12 * extra - m11 * free).sum()) / len(_ANGLES)
+    extra = w * w * (motion.mean - x) - free_slider
+    forces = m22 * extra - m12 * free_crank
+    torques = m12 * extra - m11 * free_crank
+    return np.append(_WAVES @ forces, torques.sum()) / len(_ANGLES)
 
 
 def averaged(motion: PeriodicMotion) -> AveragedMotion | None:
@@ -84,12 +86,13 @@ def averaged(motion: PeriodicMotion) -> AveragedMotion | None:
     mean, cosine, sine = _WAVES @ motion.at(_ANGLES)[0] / len(_ANGLES)
     guess = np.array((mean, 2 * cosine, 2 * sine, motion.speed))
     try:
-        found = root(
+        solution = root(
             lambda values: residuals(motion.shooting, AveragedMotion(*values), motion.torque),
             guess,
         )
     except LinkageError:
         return None
-    average = AveragedMotion(*found.x.tolist())
+    average = AveragedMotion(*solution.x.tolist())
     changes = average.speed / motion.speed - 1, average.stroke / motion.stroke - 1
-    return average if found.success and max(map(abs, changes)) < _ALIKE else None
+    is_near = max(map(abs, changes)) < _ALIKE
+    return average if solution.success and is_near else None

@@ -88,11 +88,11 @@ def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
         x, _, v = state.motion.at(state.motion.turns * angles)
         axes.plot(x, v, linewidth=2.2, label=state.motion.name, **_line(colors, state.piece))
         axes.plot(x[0], v[0], **_mark(colors, state))
-    label = 'averaged, one harmonic'
-    for motion in filter(None, (state.averaged for state in analysis.states)):
+    averaged = [state.averaged for state in analysis.states if state.averaged]
+    for i, motion in enumerate(averaged):
         x, _, v = motion.at(angles)
+        label = '' if i else 'averaged, one harmonic'  # one entry in the legend
         axes.plot(x, v, linewidth=1.8, label=label, color=_MOTOR, linestyle=':')
-        label = ''
     axes.set(
         title='Settled motions', xlabel='Slider position xD, m', ylabel="Slider velocity xD', m/s"
     )
@@ -130,17 +130,15 @@ def _draw_runs(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
 def _draw_load_curve(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
     """Plots mean torque against mean speed, with the motor line and the limits of stability."""
     _draw_curves(axes, analysis, colors, 'speed', 'load')
-    lines: list[tuple[str, float, dict[str, Any]]] = [
-        ('motor', analysis.torque, {'color': _MOTOR}),
-        *(
-            (kind, motion.torque, {'color': _REST, 'linewidth': 1, 'linestyle': '-.'})
-            for kind, motion in stability_lost(analysis.pieces)
-            if motion.torque < _largest_torque(analysis)
-        ),
-    ]
-    for name, torque, style in lines:
+
+    def draw_motor_line(name: str, torque: float, **style: Any) -> None:
         label = f'{name}, M0 = {torque:.4g} N m'
         axes.axline((0.0, torque), slope=-analysis.damping, label=label, **style)
+
+    draw_motor_line('motor', analysis.torque, color=_MOTOR)
+    for kind, motion in stability_lost(analysis.pieces):
+        if motion.torque < _largest_torque(analysis):
+            draw_motor_line(kind, motion.torque, color=_REST, linewidth=1, linestyle='-.')
     axes.set(title='Load curve and motor line')
     _put_legend_below(axes)
 
@@ -159,13 +157,18 @@ def _draw_over_torque(axes: Axes, analysis: Analysis, colors: _Colors, quantity:
     axes.axvline(analysis.torque, color=_MOTOR, linewidth=1)
     _draw_curves(axes, analysis, colors, 'torque', quantity)
     if quantity == 'speed':
-        # The range may extend beyond the end of a curve that was not followed further.
-        two = ', '.join(
-            f'{"at most " * (one["low_is"] in {END, LOST})}{one["low"]:.4g} to '
-            f'{"at least " * (one["high_is"] in {END, LOST})}{one["high"]:.4g}'
-            for one in ranges
-        )
-        axes.set_title(f'Two or more stable states: {f"{two} N m" if two else "none found"}')
+        words = ', '.join(map(_range_words, ranges))
+        axes.set_title(f'Two or more stable states: {f"{words} N m" if words else "none found"}')
+
+
+def _range_words(torques: dict[str, Any]) -> str:
+    """Describes one of the `bistable_ranges`.
+
+    It may extend beyond the end of a curve that was not followed further.
+    """
+    at_most = 'at most ' if torques['low_is'] in {END, LOST} else ''
+    at_least = 'at least ' if torques['high_is'] in {END, LOST} else ''
+    return f'{at_most}{torques["low"]:.4g} to {at_least}{torques["high"]:.4g}'
 
 
 def _draw_curves(axes: Axes, analysis: Analysis, colors: _Colors, x: str, y: str) -> None:
@@ -182,15 +185,21 @@ def _draw_curves(axes: Axes, analysis: Analysis, colors: _Colors, x: str, y: str
 
 
 def _smooth(rows: Array) -> Array:
-    """Interpolates points by cubic curves with slopes of parabolas through three points."""
-    if len(rows) < _FEW_POINTS or not np.ptp(rows, axis=0).all():
+    """Interpolates points by cubic curves with slopes of parabolas through three points.
+
+    Args:
+        rows: Points of a curve, shape (n, 2).
+    """
+    size = np.ptp(rows, axis=0)
+    if len(rows) < _FEW_POINTS or not size.all():
         return rows
-    moves = np.linalg.norm(np.diff(rows / np.ptp(rows, axis=0), axis=0), axis=1)
-    is_new = moves > _APART  # two points at one place have no slope between them
-    rows, way = rows[np.insert(is_new, 0, values=True)], np.append(0.0, np.cumsum(moves[is_new]))
-    places = np.linspace(0, len(way) - 1, _BETWEEN * (len(way) - 1) + 1)
-    fine = np.interp(places, np.arange(len(way)), way)
-    return CubicHermiteSpline(way, rows, np.gradient(rows, way, axis=0))(fine)
+    steps = np.linalg.norm(np.diff(rows / size, axis=0), axis=1)
+    is_new = steps > _APART  # two points at one place have no slope between them
+    rows = rows[np.insert(is_new, 0, values=True)]
+    length = np.append(0.0, np.cumsum(steps[is_new]))  # along the polygon through the points
+    places = np.linspace(0, len(length) - 1, _BETWEEN * (len(length) - 1) + 1)
+    fine = np.interp(places, np.arange(len(length)), length)
+    return CubicHermiteSpline(length, rows, np.gradient(rows, length, axis=0))(fine)
 
 
 def _line(colors: _Colors, piece: Piece) -> dict[str, Any]:

@@ -7,6 +7,7 @@ curve is therefore the load curve M0(w) - m w of the pump; the steady states are
 with the torque-speed line of the motor.
 """
 
+import functools
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -18,6 +19,7 @@ from scipy.optimize import brentq
 
 from linkage_lab.pump.shooting import CURVE, PeriodicMotion
 from linkage_ros import MotionError
+from linkage_ros.formulas import Array
 
 # Kinds of stability loss. The largest multiplier is 1 (two motions merge), -1, or a complex pair.
 FOLD, PERIOD_DOUBLING, TORUS = 'fold', 'period doubling', 'torus'
@@ -87,19 +89,19 @@ def _between(
 
     `error` is the tolerance of its position, as a fraction of the distance between the two.
     """
-    found, shooting = {0.0: one, 1.0: other}, one.shooting
-    way = (other.phase - one.phase) / shooting.units
+    shooting = one.shooting
+    chord = (other.phase - one.phase) / shooting.units
 
-    def at(part: float) -> float:
-        if part not in found:
-            guess = one.phase + part * way * shooting.units
-            found[part] = shooting.find(guess, one.turns, way, CURVE)
-        return value(found[part])
+    @functools.cache
+    def motion_at(fraction: float) -> PeriodicMotion:
+        if fraction in {0.0, 1.0}:
+            return other if fraction else one
+        guess = one.phase + fraction * chord * shooting.units
+        return shooting.find(guess, one.turns, chord, CURVE)
 
     with suppress(MotionError):
-        part = brentq(at, 0.0, 1.0, xtol=error)
-        at(part)
-        return found[part]
+        fraction = brentq(lambda fraction: value(motion_at(fraction)), 0.0, 1.0, xtol=error)
+        return motion_at(fraction)
     return other
 
 
@@ -138,12 +140,10 @@ def _continued(seed: PeriodicMotion, sign: float) -> tuple[list[PeriodicMotion],
     Returns the motions found, and the reason why the curve ends.
     """
     shooting, motions, step, end = seed.shooting, [seed], _STEP, LOST
-    way: Any = np.array((0.0, sign, 0.0, 0.0))
+    direction = np.array((0.0, sign, 0.0, 0.0))
     while step > _SHORTEST and len(motions) < _MOST:
         last = motions[-1]
-        # The tangent is the null vector of the derivative of P^n(y) - y.
-        tangent = np.linalg.svd(last.derivative - np.eye(3, 4))[2][-1]
-        tangent *= np.copysign(1.0, tangent @ way)
+        tangent = _tangent(last, direction)
         guess = last.phase + step * shooting.units * tangent
         try:
             motion = shooting.find(guess, last.turns, tangent, CURVE)
@@ -152,18 +152,34 @@ def _continued(seed: PeriodicMotion, sign: float) -> tuple[list[PeriodicMotion],
             continue
         move = (motion.phase - last.phase) / shooting.units
         cosine = float(tangent @ move / np.linalg.norm(move))
-        is_doubling = _passes_doubling(last, motion)
-        if is_doubling or cosine < _SHARP:
-            end = PERIOD_DOUBLING if is_doubling else end
+        if _passes_doubling(last, motion):
+            end = PERIOD_DOUBLING
             step /= 3
-            continue
-        motions.append(motion)
-        _, pace, _, torque = shooting.units
-        if not (0 < motion.torque < _FARTHEST * torque and motion.speed > _SLOWEST * pace):
-            return motions[1:], END
-        way = move
-        step = min(1.5 * step, _LONGEST) if cosine > _STRAIGHT else step
+        elif cosine < _SHARP:
+            step /= 3
+        else:
+            motions.append(motion)
+            if _is_outside(motion):
+                return motions[1:], END
+            direction = move
+            step = min(1.5 * step, _LONGEST) if cosine > _STRAIGHT else step
     return motions[1:], end
+
+
+def _tangent(motion: PeriodicMotion, direction: Array) -> Array:
+    """Returns the unit tangent of the curve at a motion, in the units of a phase.
+
+    It is the null vector of the derivative of P^n(y) - y, with the sign that makes an acute angle
+    with a direction.
+    """
+    _, _, rows = np.linalg.svd(motion.derivative - np.eye(3, 4))
+    return rows[-1] * np.copysign(1.0, rows[-1] @ direction)
+
+
+def _is_outside(motion: PeriodicMotion) -> bool:
+    """Returns whether the torque is outside the scan, or the crank almost stops."""
+    _, pace, _, torque = motion.shooting.units
+    return not (0 < motion.torque < _FARTHEST * torque and motion.speed > _SLOWEST * pace)
 
 
 def _passes_doubling(one: PeriodicMotion, other: PeriodicMotion) -> bool:
@@ -171,13 +187,16 @@ def _passes_doubling(one: PeriodicMotion, other: PeriodicMotion) -> bool:
 
     Beyond this point, the turns would be in reverse order.
     """
-    if one.turns == 1 or other.turns < one.turns:
-        return one.turns > 1
-    first, second = (
-        motion.sections[:3, motion.turns // 2] - motion.phase[:3] for motion in (one, other)
-    )
+    if one.turns == 1:
+        return False
+    if other.turns < one.turns:
+        return True
     units = one.shooting.units[:3]
-    return bool((first / units) @ (second / units) < 0)
+    first, second = (
+        (motion.sections[:3, motion.turns // 2] - motion.phase[:3]) / units
+        for motion in (one, other)
+    )
+    return bool(first @ second < 0)
 
 
 def stability_lost(pieces: Sequence[Piece]) -> list[tuple[str, PeriodicMotion]]:
@@ -198,16 +217,15 @@ def bistable_ranges(pieces: Sequence[Piece]) -> list[dict[str, Any]]:
     Returns:
         For each range: its ends low and high, N m, and their kinds low_is and high_is.
     """
-    spans = [piece.ends for piece in pieces if piece.stable]
-    ranges: list[list[End]] = []
-    for low, high in itertools.pairwise(sorted(itertools.chain(*spans))):
-        states = sum(start <= low and high <= end for start, end in spans)
+    stable = [piece.ends for piece in pieces if piece.stable]
+    ranges: list[tuple[End, End]] = []
+    for low, high in itertools.pairwise(sorted(itertools.chain(*stable))):
+        states = sum(start <= low and high <= end for start, end in stable)
         if states < 2:
             continue
         if ranges and low.torque - ranges[-1][1].torque < _GAP * low.torque:
-            ranges[-1][1] = high  # the same range, beyond a period doubling
-        else:
-            ranges.append([low, high])
+            low, _ = ranges.pop()  # the same range, beyond a period doubling
+        ranges.append((low, high))
     return [
         {'low': low.torque, 'high': high.torque, 'low_is': low.kind, 'high_is': high.kind}
         for low, high in ranges

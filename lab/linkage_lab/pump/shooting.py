@@ -52,8 +52,10 @@ class Shooting:
         r = mechanism.crank.length
         self.units: Any = np.array((r, pace, r * pace, torque))
         self._lengths = r, mechanism.coupler.length, mechanism.rod.length
-        self._at_rest = torque  # torque at rest in the next evaluation
-        self._driven = self.solver.driven_by(lambda w: self._at_rest - damping * w)
+        # `driven_by` takes a torque that depends on the speed alone; the torque at rest, which
+        # differs between phases, is set before each evaluation.
+        self._torque_at_rest = torque
+        self._driven = self.solver.driven_by(lambda w: self._torque_at_rest - damping * w)
 
     def shoot(
         self, phases: Array, turns: int = 1, tolerance: float = STATE, *, dense: bool = False
@@ -74,32 +76,35 @@ class Shooting:
         Raises:
             MotionError: The crank stops, the dyad is stretched, or a turn takes too many steps.
         """
+        # The integrated values are n slider positions, n crank speeds, n slider velocities,
+        # n torques and n times.
         count, evaluations = phases.shape[1], 0
 
         def slopes(angle: float, values: Array) -> Array:
             nonlocal evaluations
             evaluations += 1
             if evaluations > _MOST * turns:
-                return math.nan * values
-            rows = [self._slope(angle, *row) for row in values.reshape(5, count).T.tolist()]
-            return np.array(rows).T.ravel()
+                return math.nan * values  # ends the integration
+            motions = values.reshape(5, count).T.tolist()
+            return np.array([self._slope(angle, *motion) for motion in motions]).T.ravel()
 
-        def reversal(_: float, values: Array) -> float:
-            return float(values[2 * count])
+        def slider_velocity(_: float, values: Array) -> float:
+            return float(values[2 * count])  # of the first motion
 
-        sizes = tolerance * np.repeat((*self.units, 1 / self.units[1]), count)
+        start = np.append(phases, np.zeros(count))
+        absolute = tolerance * np.repeat((*self.units, 1 / self.units[1]), count)
         with np.errstate(all='ignore'):
-            found = solve_ivp(
-                slopes, (0.0, TURN * turns), np.append(phases, np.zeros(count)), 'DOP853',
-                TURN * np.arange(1, turns + 1), dense, reversal,
-                first_step=_FIRST_STEP, rtol=tolerance, atol=sizes,
+            solution = solve_ivp(
+                slopes, (0.0, TURN * turns), start, 'DOP853',
+                t_eval=TURN * np.arange(1, turns + 1), dense_output=dense, events=slider_velocity,
+                first_step=_FIRST_STEP, rtol=tolerance, atol=absolute,
             )  # fmt: skip
-        if not found.success:
+        if not solution.success:
             raise MotionError(
                 'the crank stops, the dyad is stretched, or a load jumps too often',
                 time=0.0, coordinates=(0.0, float(phases[0, 0])),
             )  # fmt: skip
-        return found
+        return solution
 
     def _slope(
         self, angle: float, x: float, w: float, v: float, torque: float, _: float
@@ -108,7 +113,7 @@ class Shooting:
 
         They are NaN where no motion exists; the integrator then shortens its step.
         """
-        self._at_rest = torque
+        self._torque_at_rest = torque
         crank, slider = self._accelerations(angle, x, w, v)
         return (v / w, crank / w, slider / w, 0.0, 1 / w) if w > 0 else (math.nan,) * 5
 
@@ -146,13 +151,13 @@ class Shooting:
         for _ in range(_STEPS):
             shot = self._shoot_near(phase, turns, tolerance)
             step = shot.newton_step(fixed)
-            before, size = size, float(np.abs(step).max())
-            if _has_converged(size, before, tolerance):
+            size_before, size = size, float(np.abs(step).max())
+            if _has_converged(size, size_before, tolerance):
                 if shot.period < turns:  # its derivative is over fewer turns
                     return self.find(phase, shot.period, fixed, tolerance)
-                starts = np.column_stack((phase, self.units[:, None] * shot.ends[:, :-1]))
+                sections = np.column_stack((phase, self.units[:, None] * shot.ends[:, :-1]))
                 turning_points = shot.reversals[:, 0]
-                return PeriodicMotion(self, starts, shot.derivative, shot.times, turning_points)
+                return PeriodicMotion(self, sections, shot.derivative, shot.times, turning_points)
             if not size < _LONGEST:
                 break
             phase = phase + self.units * step
@@ -164,13 +169,14 @@ class Shooting:
     def _shoot_near(self, phase: Array, turns: int, tolerance: float) -> '_Shot':
         """Integrates the motion from a phase, with neighbours that show its derivative."""
         units = self.units[:, None]
-        found = self.shoot(phase[:, None] + units * _MOVES, turns, tolerance)
-        *phases, times = found.y.reshape(5, _MOVES.shape[1], turns)
-        ends = np.array(phases) / units[..., None]
-        base, plus, minus = ends[:, 0], ends[:, 1:5], ends[:, 5:]
-        derivative = (plus - minus)[:3, :, -1] / (2 * _DIFFERENCE)
+        solution = self.shoot(phase[:, None] + units * _MOVES, turns, tolerance)
+        values = solution.y.reshape(5, _MOVES.shape[1], turns)
+        phases, times = values[:4] / units[..., None], values[4]
+        # The phases after each turn, from starts in the order of _MOVES.
+        base, forwards, backwards = phases[:, 0], phases[:, 1:5], phases[:, 5:]
+        derivative = (forwards - backwards)[:3, :, -1] / (2 * _DIFFERENCE)
         moved = base - phase[:, None] / units
-        return _Shot(base, moved, derivative, times[0], found.y_events[0])
+        return _Shot(base, moved, derivative, times[0], solution.y_events[0])
 
     def run(self, values: Array, duration: float, samples: Array | None = None) -> Any:
         """Integrates a motion over time; the crank may also turn backwards.
@@ -184,22 +190,22 @@ class Shooting:
             The result of `solve_ivp`. `y_events` are the values where the sine of the crank angle
             becomes positive. The motion ends early if the dyad is stretched.
         """
-        evaluations, most = 0, _MOST * (1 + duration * self.units[1] / TURN)
-        self._at_rest = self.torque
+        evaluations, most_evaluations = 0, _MOST * (1 + duration * self.units[1] / TURN)
+        self._torque_at_rest = self.torque
 
         def slopes(_: float, values: Array) -> tuple[float, ...]:
             nonlocal evaluations
             evaluations += 1
-            rates = self._accelerations(*values.tolist())
-            return (*values[2:], *rates) if evaluations < most else (math.nan,) * 4
+            rates, accelerations = values[2:], self._accelerations(*values.tolist())
+            return (*rates, *accelerations) if evaluations < most_evaluations else (math.nan,) * 4
 
-        def passage(_: float, values: Array) -> float:
+        def sine(_: float, values: Array) -> float:
             return math.sin(values[0])
 
-        passage.direction = 1.0  # type: ignore[attr-defined]
+        sine.direction = 1.0  # type: ignore[attr-defined]  # an event where it rises
         with np.errstate(all='ignore'):
             return solve_ivp(
-                slopes, (0.0, duration), values, 'DOP853', samples, False, passage,
+                slopes, (0.0, duration), values, 'DOP853', t_eval=samples, events=sine,
                 first_step=_FIRST_STEP / self.units[1], rtol=_OVER_TIME,
                 atol=_OVER_TIME * np.array((1.0, *self.units[:3])),
             )  # fmt: skip
@@ -336,8 +342,9 @@ class PeriodicMotion:
         Args:
             phases: Slider positions, crank speeds and slider velocities, of shape (3, n).
         """
-        away = (phases[:, :, None] - self.sections[:3, None]) / self.shooting.units[:3, None, None]
-        return np.abs(away).max(axis=0).min(axis=1)
+        units = self.shooting.units[:3, None, None]
+        away = (phases[:, :, None] - self.sections[:3, None]) / units  # shape (3, n, turns)
+        return np.abs(away).max(axis=0).min(axis=1)  # to the nearest section
 
     def is_same(self, other: 'PeriodicMotion') -> bool:
         """Returns whether another motion at the same torque is the same."""
