@@ -18,7 +18,7 @@ import math
 import operator
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import rcParams
@@ -55,7 +55,7 @@ from linkage_lab.output import (
 from linkage_lab.reference.motions import InitialValueProblem
 from linkage_ros import Solver, load
 from linkage_ros.formulas import Array
-from linkage_ros.internals import FollowMotion, Motor, live_steps
+from linkage_ros.internals import FollowMotion, Motor, live_steps, radians_per_second
 from linkage_ros.palette import (
     BLACK,
     BLUE,
@@ -122,6 +122,36 @@ _ROLES = {
 }
 
 
+class _Grid(NamedTuple):
+    """The panels of a chart.
+
+    Attributes:
+        methods: Methods that may be measured.
+        columns: Number of columns.
+        panels: Quantity and mode of each panel of one mechanism.
+        title: Title of a panel, as a format of mechanism, quantity and mode.
+        time: The time in words.
+        error: Units of the errors.
+    """
+
+    methods: Sequence[Method]
+    columns: int
+    panels: Sequence[tuple[str, str]]
+    title: str
+    time: str
+    error: str
+
+
+_OF_LINKAGE = _Grid(
+    METHODS, 2, [*itertools.product(QUANTITIES, (ONE, BATCH))],
+    '{1}, {2}', 'time per state', 'relative (angles: rad)',
+)  # fmt: skip
+_OF_MOTIONS = _Grid(
+    INTEGRATORS, 3, [(TRAJECTORY, MEAN), (ENERGY, MEAN), (TRAJECTORY, SLOWEST)],
+    '{0}, {1}, {2}', 'time per simulated ms', 'rad, crank lengths, or relative',
+)  # fmt: skip
+
+
 def accuracy(options: argparse.Namespace) -> None:
     """Measures speed and accuracy of all methods, draws the results, and writes the records.
 
@@ -131,25 +161,25 @@ def accuracy(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: A file cannot be written.
     """
-    out, quick = options.out, options.quick
-    records, measured = (
-        new_file(options, out / f'{stem}.json') for stem in ('accuracy', 'accuracy_follow')
-    )
-    drawn = pictures(options, 'accuracy_follow')
+    quick = options.quick
+    records = new_file(options, options.out / 'accuracy.json')
+    follow_records = new_file(options, options.out / 'accuracy_follow.json')
+    follow_pictures = pictures(options, 'accuracy_follow')
     watch = Stopwatch()
-    solved = measure_accuracy(linkages(quick=quick), METHODS, quick=quick)
-    moved = measure_accuracy(motions(quick=quick), INTEGRATORS, quick=quick)
-    save_records(records, [*solved, *moved])
+    of_linkages = measure_accuracy(linkages(quick=quick), METHODS, quick=quick)
+    of_motions = measure_accuracy(motions(quick=quick), INTEGRATORS, quick=quick)
+    points = [*of_linkages, *of_motions]
+    save_records(records, points)
     warning, written = watch.warning(), [records]
-    for title, stem, points in charts([*solved, *moved], about()):
+    for title, stem, group in charts(points, about()):
         files = pictures(options, stem)
-        draw_accuracy(points, f'{title}\n{warning}'.rstrip(), files)
+        draw_accuracy(group, f'{title}\n{warning}'.rstrip(), files)
         written += files.paths
     errors, speeds = _measure_follow(quick=quick)
-    save_records(measured, errors)
+    save_records(follow_records, errors)
     title = f'Torque error of a measured crank: quadrilateral, {speeds}, measured at 1 kHz'
-    draw_follow(errors, title, drawn)
-    written += [measured, *drawn.paths]
+    draw_follow(errors, title, follow_pictures)
+    written += [follow_records, *follow_pictures.paths]
     print(*written, sep='\n')
 
 
@@ -166,9 +196,9 @@ def charts(
     for point in points:
         is_state = point['quantity'] in QUANTITIES
         groups.setdefault(point['mechanism'] if is_state else 'motions', []).append(point)
-    on = textwrap.fill(', '.join(f'{name} {value}' for name, value in machine.items()), 105)
+    words = textwrap.fill(', '.join(f'{name} {value}' for name, value in machine.items()), 105)
     for name, group in groups.items():
-        title = f'Speed against accuracy: {name.replace("_", "-")}\n{on}'
+        title = f'Speed against accuracy: {name.replace("_", "-")}\n{words}'
         yield title, f'accuracy_{name.replace(" ", "_")}', group
 
 
@@ -180,31 +210,26 @@ def draw_accuracy(points: Sequence[Point], title: str, files: Pictures) -> None:
         title: Title of the picture.
         files: The files, replaced if they exist.
     """
-    methods: Sequence[Method] = METHODS
-    wide, columns = 2, [*itertools.product(QUANTITIES, (ONE, BATCH))]
-    named, time, error = '{1}, {2}', 'time per state', 'relative (angles: rad)'
-    if points[0]['quantity'] not in QUANTITIES:
-        wide, columns = 3, [(TRAJECTORY, MEAN), (ENERGY, MEAN), (TRAJECTORY, SLOWEST)]
-        methods, named = INTEGRATORS, '{0}, {1}, {2}'
-        time, error = 'time per simulated ms', 'rad, crank lengths, or relative'
+    grid = _OF_LINKAGE if points[0]['quantity'] in QUANTITIES else _OF_MOTIONS
     measured = {point['method'] for point in points}
-    methods = [method for method in methods if method.name in measured]
-    place = operator.itemgetter('mechanism', 'quantity', 'mode')
+    methods = [method for method in grid.methods if method.name in measured]
     mechanisms = dict.fromkeys(point['mechanism'] for point in points)
-    names = [(name, *column) for name in mechanisms for column in columns]
-    high = len(names) // wide
-    with chart(files, 2.6 + 2.2 * high, title) as figure:
+    panels = [(name, *panel) for name in mechanisms for panel in grid.panels]
+    panel_of = operator.itemgetter('mechanism', 'quantity', 'mode')
+    rows = len(panels) // grid.columns
+    with chart(files, 2.6 + 2.2 * rows, title) as figure:
         rcParams['text.parse_math'] = True  # for the powers of ten of tick labels
-        grid = figure.subplots(high, wide, sharey=True, sharex='col')
-        for axes, panel in zip(grid.flat, names, strict=True):
-            axes.set_title(named.format(*panel).replace('_', ' ').replace(f', {MEAN}', ''))
-            _draw_panel(axes, [point for point in points if place(point) == panel])
-        for axes in grid[-1]:
-            axes.set_xlabel(f'{time}, \N{MICRO SIGN}s', fontsize=TEXT)
-            low, most = axes.get_xlim()
+        all_axes = figure.subplots(rows, grid.columns, sharey=True, sharex='col')
+        for axes, panel in zip(all_axes.flat, panels, strict=True):
+            named = grid.title.format(*panel).replace('_', ' ')
+            axes.set_title(named.replace(f', {MEAN}', ''))
+            _draw_panel(axes, [point for point in points if panel_of(point) == panel])
+        for axes in all_axes[-1]:
+            axes.set_xlabel(f'{grid.time}, \N{MICRO SIGN}s', fontsize=TEXT)
+            low, high = axes.get_xlim()
             # Axes of more than two decades have no room for labels at 2 and 5.
-            axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if most < 200 * low else (1,)))
-        figure.supylabel(f'largest error: {error}', fontsize=TEXT)
+            axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 200 * low else (1,)))
+        figure.supylabel(f'largest error: {grid.error}', fontsize=TEXT)
         figure.legend(
             handles=_handles(methods), loc='outside lower center', ncols=3,
             title=textwrap.fill(_settings(methods), 115), title_fontsize=SMALL,
@@ -247,15 +272,16 @@ def _log_axes(axes: Axes, **options: Any) -> None:
 
 
 def _draw_panel(axes: Axes, points: Sequence[Point]) -> None:
+    """Plots errors against times, with a line per method, and the front of right points."""
     _log_axes(axes, ylim=(2e-17, 30 * _CEILING), yticks=10.0 ** np.arange(-15, 1, 3))
     axes.axhspan(LIMIT, 1e30, color='0.94', zorder=0)
     drawn = [p for p in points if None not in (p['max_error'], p['us_per_state'])]
     for method, group in itertools.groupby(drawn, key=lambda point: point['method']):
-        style, order = _STYLES.get(method, _OTHER), 5 if method in _ROLES else 3
-        axes.plot(*_places(group), linewidth=0.9, zorder=order, **style)
+        style, zorder = _STYLES.get(method, _OTHER), 5 if method in _ROLES else 3
+        axes.plot(*_places(group), linewidth=0.9, zorder=zorder, **style)
     steady = label(INTEGRATORS[0].steady)
-    own = (p for p in drawn if (p['method'], p['setting']) == (LIVE, steady))
-    axes.plot(*_places(own), zorder=6, **_STEADY)
+    live = (p for p in drawn if (p['method'], p['setting']) == (LIVE, steady))
+    axes.plot(*_places(live), zorder=6, **_STEADY)
     front = sorted((p for p in points if p['pareto']), key=lambda p: p['us_per_state'])
     axes.step(
         *_places(front), where='post', color=fractions(BLACK), linewidth=1.2, alpha=0.7, zorder=2
@@ -284,7 +310,7 @@ def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], str]:
     whether the velocity is also measured, the bandwidth of the filter, Hz, and the largest torque
     error, relative to the peak torque at a constant speed.
     """
-    speed, solver = _RPM * math.pi / 30, Solver(load('quadrilateral').mechanism)
+    speed, solver = radians_per_second(_RPM), Solver(load('quadrilateral').mechanism)
     motor = Motor(_DAMPING * speed, _DAMPING)
     run = OfPackage(InitialValueProblem(solver.mechanism, (0.0, speed), motor), live_steps)
     stamps = [n * _PERIOD for n in range(1, _TURNS * _TURN + 1)]  # ns
@@ -293,25 +319,38 @@ def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], str]:
     true = solver.state(q, u, solver.accelerations(q, u, motor.at(u))).torque[compared]
     peak = _peak_torque(solver, speed)
     bits, bandwidths = (_BITS[::2], _BANDWIDTHS[::4]) if quick else (_BITS, _BANDWIDTHS)
-    kinds, points = list(itertools.product((False, True), bits)), []
-    for has_velocity, bit in progress(kinds, 'errors, a measured crank'):
+    encoders, points = list(itertools.product((False, True), bits)), []
+    for has_velocity, bit in progress(encoders, 'errors, a measured crank'):
         steps = 2**bit  # per turn, or in the range of the speed sensor
         angles = _rounded(q, 2 * math.pi / steps)
         speeds = _rounded(u, 2 * _SENSED * speed / steps) if has_velocity else [None] * len(u)
         measurements = list(zip(stamps, angles, speeds, strict=True))
         for bandwidth in bandwidths:
-            motion = FollowMotion(bandwidth, solver.reach.period_turns)
-            followed = [motion.at(stamp, angle, rate) for stamp, angle, rate in measurements]
-            angle = np.concatenate([found.q for found in followed])
-            velocity = np.concatenate([found.u for found in followed])
-            acceleration = np.concatenate([found.a for found in followed])
-            torque = solver.state(angle, velocity, acceleration).torque[compared]
+            torque = _followed_torque(solver, bandwidth, measurements)[compared]
             points.append({
                 'bits': bit, 'measured_velocity': has_velocity, 'follow_bandwidth': bandwidth,
                 'max_error': float(np.abs(torque - true).max() / peak),
             })  # fmt: skip
     rpm = u[compared] * 30 / math.pi
     return points, f'{rpm.min():.0f} to {rpm.max():.0f} rpm'
+
+
+def _followed_torque(
+    solver: Solver, bandwidth: float, measurements: Iterable[tuple[int, float, float | None]]
+) -> Array:
+    """Returns the torque that the filter of `drive: follow` gives at each measurement, N m.
+
+    Args:
+        solver: The solver.
+        bandwidth: Bandwidth of the filter, Hz.
+        measurements: Stamp, ns, angle, rad, and, if it is measured, velocity, rad/s.
+    """
+    motion = FollowMotion(bandwidth, solver.reach.period_turns)
+    followed = [motion.at(stamp, angle, velocity) for stamp, angle, velocity in measurements]
+    angle = np.concatenate([moment.q for moment in followed])
+    velocity = np.concatenate([moment.u for moment in followed])
+    acceleration = np.concatenate([moment.a for moment in followed])
+    return np.asarray(solver.state(angle, velocity, acceleration).torque)
 
 
 def _peak_torque(solver: Solver, speed: float) -> float:

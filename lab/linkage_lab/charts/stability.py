@@ -21,6 +21,7 @@ from linkage_lab.output import (
     SMALL,
     WIDTH,
     Pictures,
+    box,
     chart,
     new_file,
     pictures,
@@ -107,29 +108,36 @@ def draw_stability(cells: Sequence[dict[str, Any]], title: str, files: Pictures)
     Raises:
         OSError: The picture cannot be written.
     """
-    # Grids that fit side by side share a row.
-    spots = list[tuple[float, float]]()  # left and upper end of each grid, inches
-    x, y, low = 0.0, _TOP, _TOP
-    for methods, places in GRIDS:
-        across = _LEFT + _WIDE * len(methods) + _CHARACTER * _said(methods)
-        if x + across > WIDTH:
-            x, y = 0.0, low
-        spots.append((x + _LEFT, y + _ABOVE))
-        x, low = x + across, max(low, y + _ABOVE + _HIGH * len(places))
-    height = low + _FOOT
+    corners, bottom = _corners()
+    height = bottom + _FOOT
     with chart(files, height, title, layout=None) as figure:
-        for (left, top), (methods, places) in zip(spots, GRIDS, strict=True):
-            across, down = _WIDE * len(methods), _HIGH * len(places)
-            axes = figure.add_axes(
-                (left / WIDTH, 1 - (top + down) / height, across / WIDTH, down / height)
-            )
-            _draw_grid(axes, [method.name for method in methods], places, cells)
+        for (left, top), (methods, rows) in zip(corners, GRIDS, strict=True):
+            place = box(height, left, top, _WIDE * len(methods), _HIGH * len(rows))
+            _draw_grid(figure.add_axes(place), [method.name for method in methods], rows, cells)
         figure.suptitle(title, y=1 - 0.15 / height)
         patches = [
             Patch(facecolor=fractions(fill), label=_WORDS[name])
             for name, (fill, _) in _COLORS.items()
         ]
         figure.legend(handles=patches, loc='lower center', ncols=3)
+
+
+def _corners() -> tuple[list[tuple[float, float]], float]:
+    """Places the grids; those that fit side by side share a row.
+
+    Returns:
+        The left and upper end of the cells of each grid, and the lower end of all, inches.
+    """
+    corners = list[tuple[float, float]]()
+    left, top, bottom = 0.0, _TOP, _TOP
+    for methods, rows in GRIDS:
+        width = _LEFT + _WIDE * len(methods) + _CHARACTER * _said(methods)
+        if left + width > WIDTH:
+            left, top = 0.0, bottom
+        corners.append((left + _LEFT, top + _ABOVE))
+        left += width
+        bottom = max(bottom, top + _ABOVE + _HIGH * len(rows))
+    return corners, bottom
 
 
 def _said(methods: Sequence[Any]) -> int:
@@ -140,17 +148,19 @@ def _said(methods: Sequence[Any]) -> int:
 def _draw_grid(
     axes: Axes,
     methods: list[str],
-    places: Sequence[measure.Situation],
+    rows: Sequence[measure.Situation],
     cells: Sequence[dict[str, Any]],
 ) -> None:
-    for y, place in enumerate(places):
+    """Draws a grid with a column for each method, and a row for each situation."""
+    for y, situation in enumerate(rows):
         axes.text(
-            len(methods) + 0.15, y + 0.5, textwrap.fill(place.words, _said(methods)),
+            len(methods) + 0.15, y + 0.5, textwrap.fill(situation.words, _said(methods)),
             va='center', color='0.3',
         )  # fmt: skip
-        for cell in (cell for cell in cells if cell['situation'] == place.name):
-            _draw_cell(axes, methods.index(cell['method']), y, cell, exists=place.exists)
-    axes.set(xlim=(0, len(methods)), ylim=(len(places), 0))
+        for cell in cells:
+            if cell['situation'] == situation.name:
+                _draw_cell(axes, methods.index(cell['method']), y, cell, exists=situation.exists)
+    axes.set(xlim=(0, len(methods)), ylim=(len(rows), 0))
     names = [
         f'{name}\n({_DEFAULTS[name]})' if name in _DEFAULTS else name.replace(', ', ',\n')
         for name in methods
@@ -160,14 +170,15 @@ def _draw_grid(
     )  # fmt: skip
     axes.xaxis.tick_top()
     axes.set_yticks(
-        np.arange(len(places)) + 0.5,
-        [textwrap.fill(place.name, _NAMES) for place in places], fontsize=SMALL,
+        np.arange(len(rows)) + 0.5,
+        [textwrap.fill(situation.name, _NAMES) for situation in rows], fontsize=SMALL,
     )  # fmt: skip
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
 
 
 def _draw_cell(axes: Axes, x: int, y: int, cell: dict[str, Any], *, exists: bool) -> None:
+    """Draws a cell with its outcome and error; bold unless the outcome is the correct one."""
     outcome = cell['outcome']
     fill, ink = map(fractions, _COLORS[outcome])
     axes.add_patch(Rectangle((x, y), 1, 1, facecolor=fill, edgecolor='white', linewidth=1.5))

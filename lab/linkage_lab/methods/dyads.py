@@ -39,16 +39,16 @@ def _newton(mechanism: FourBar, crank: float) -> float:
     dyad: Any = mechanism.dyads[0]
     b, c = dyad.first.length, dyad.second.length
     pin = mechanism.crank.length * np.array([math.cos(crank), math.sin(crank)])
-    first, second = 0.5, 1.0
+    angles = np.array([0.5, 1.0])  # of both links, rad
     for _ in range(_ROUNDS):
-        one = np.array([math.cos(first), math.sin(first)])
-        other = np.array([math.cos(second), math.sin(second)])
-        gap = pin + b * one - np.array(dyad.to_at) - c * other
-        columns = np.array([[-b * one[1], c * other[1]], [b * one[0], -c * other[0]]])
-        step = np.linalg.solve(columns, gap)
-        first, second = first - step[0], second - step[1]
-    slope = np.array([-pin[1], pin[0]])
-    return float(np.linalg.solve(columns, -slope)[1])
+        first_x, second_x = map(math.cos, angles)
+        first_y, second_y = map(math.sin, angles)
+        joint = pin + b * np.array([first_x, first_y])
+        gap = joint - np.array(dyad.to_at) - c * np.array([second_x, second_y])
+        jacobian = np.array([[-b * first_y, c * second_y], [b * first_x, -c * second_x]])
+        angles = angles - np.linalg.solve(jacobian, gap)
+    pin_velocity = np.array([-pin[1], pin[0]])
+    return float(np.linalg.solve(jacobian, -pin_velocity)[1])
 
 
 DYAD = 'dyad formula'

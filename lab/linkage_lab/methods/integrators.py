@@ -158,12 +158,15 @@ class Multipliers(OfScipy):
 
     def _slope(self, values: Array) -> Array:
         places, rates = self._split(values.tolist())
-        half, k = len(rates), self._closing
+        count, k = len(rates), self._closing
+        # The first rows and columns are those of the links, the others those of the gaps.
         matrix, right = self._bodies.system(places, rates)
         right[0] += self._driven.torque(rates[0])
-        for i, gap in enumerate(self._bodies.gap(places) if k else (), half):
-            right[i] -= k * (2 * np.dot(matrix[i][:half], rates) + k * gap)
-        return np.array([*rates, *np.linalg.solve(matrix, right)[:half]])
+        if k:
+            for i, gap in enumerate(self._bodies.gap(places), start=count):
+                gap_rate = np.dot(matrix[i][:count], rates)
+                right[i] -= k * (2 * gap_rate + k * gap)
+        return np.array([*rates, *np.linalg.solve(matrix, right)[:count]])
 
     def _correct(self, steps: Any) -> None:
         steps.y = self._projected(steps.y)
@@ -172,13 +175,17 @@ class Multipliers(OfScipy):
 
     def _projected(self, values: Array) -> Array:
         """Projects values onto the closed loop, unless projection is disabled."""
-        for _ in range(2 * self._projects):  # the second step corrects the first's nonlinearity
+        if not self._projects:
+            return values
+        for _ in range(2):  # the second step corrects the first's nonlinearity
             places, rates = self._split(values.tolist())
-            half, (matrix, _) = len(rates), self._bodies.system(places, rates)
+            count, (matrix, _) = len(rates), self._bodies.system(places, rates)
+            jacobian: Array = np.array(matrix)[count:, :count]
+            # A column for the positions, and one for the rates.
             gaps = np.zeros((len(matrix), 2))
-            gaps[half:, 0] = self._bodies.gap(places)
-            gaps[half:, 1] = np.array(matrix)[half:, :half] @ rates
-            values = values - np.linalg.solve(matrix, gaps)[:half].T.ravel()
+            gaps[count:, 0] = self._bodies.gap(places)
+            gaps[count:, 1] = jacobian @ rates
+            values = values - np.linalg.solve(matrix, gaps)[:count].T.ravel()
         return values
 
     def at(self, time: float) -> Phase:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 from mpmath import mp
@@ -93,30 +93,44 @@ class LinkageCase(Case):
     @cached_property
     def _sizes(self) -> dict[str, Any]:
         """Largest magnitude of each quantity within the reach; rounding errors count as 0."""
-        solver, parts = Solver(self.mechanism), (np.arange(_EVEN) + 0.5) / _EVEN
+        solver, fractions = Solver(self.mechanism), (np.arange(_EVEN) + 0.5) / _EVEN
         turns = solver.reach.period_turns
-        cranks = [start + (end - start) * turns * parts for start, end in solver.reach.arcs]
+        cranks = [start + (end - start) * turns * fractions for start, end in solver.reach.arcs]
         state = solver.state(np.concatenate(cranks), SPEED, ACCELERATION)
-        rows = state.position[1:], state.velocity[1:], state.acceleration[1:], (state.torque,)
-        largest = [np.array([np.max(np.abs(row)) for row in each]) for each in rows]
-        sizes = [np.where(x > _NOTHING * x.max(), x, 0.0) for x in largest]
-        return dict(zip(QUANTITIES, sizes, strict=True))
+        values = state.position[1:], state.velocity[1:], state.acceleration[1:], (state.torque,)
+        sizes = dict[str, Any]()
+        for quantity, of_links in zip(QUANTITIES, values, strict=True):
+            largest = np.array([np.max(np.abs(of_link)) for of_link in of_links])
+            sizes[quantity] = np.where(largest > _NOTHING * largest.max(), largest, 0.0)
+        return sizes
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
         """See `Case`; a position has a number per link, or more if unit vectors come first."""
-        state, found, off = self._exact(place), np.array(row, np.longdouble), 0.0
+        state = self._exact(place)
         if not state:
             return math.inf
         true, size = state[quantity], self._sizes[quantity]
-        turning = np.logical_not(self.reference.slides) if quantity == POSITION else False
-        if len(found) > len(true):
-            count = np.sum(turning)
-            x, y = found[: 2 * count].reshape(count, 2).T
-            off = max(abs(np.hypot(x, y) - 1))  # a unit vector's length is judged, too
-            found = np.append(np.arctan2(y, x), found[2 * count :])
-        apart, scale = found - true, np.where(size, np.maximum(size, abs(true)), 1.0)
-        apart = np.where(turning, np.arctan2(np.sin(apart), np.cos(apart)), apart)
-        return float(max(off, *abs(apart) / np.where(turning, 1.0, scale)))
+        computed = np.array(row, np.longdouble)
+        scale = np.where(size, np.maximum(size, abs(true)), 1.0)
+        if quantity == POSITION:
+            return self._position_error(computed, true, scale)
+        return float(max(abs(computed - true) / scale))
+
+    def _position_error(self, computed: Any, true: Any, scale: Any) -> float:
+        """Computes the largest error of positions: of angles in rad, of others relative to scale.
+
+        The length of a unit vector is judged, too.
+        """
+        turns, length_error = np.logical_not(self.reference.slides), 0.0
+        if len(computed) > len(true):  # unit vectors come first
+            count = np.sum(turns)
+            x, y = computed[: 2 * count].reshape(count, 2).T
+            length_error = max(abs(np.hypot(x, y) - 1))
+            computed = np.append(np.arctan2(y, x), computed[2 * count :])
+        apart = computed - true
+        wrapped = np.arctan2(np.sin(apart), np.cos(apart))
+        errors = np.where(turns, abs(wrapped), abs(apart) / scale)
+        return float(max(length_error, *errors))
 
     def wrong(self, quantity: str, place: int, row: Sequence[float]) -> str:
         """See `Case`."""
@@ -156,14 +170,14 @@ class LinkageCase(Case):
         if mode == ONE:
             return [attempt(function, crank) for crank in self.cranks.tolist()]
 
-        def rows(cranks: Array) -> list[list[float]]:
-            columns = np.broadcast_arrays(*function(cranks), cranks)[:-1]
+        def rows_of(cranks: Array) -> list[list[float]]:
+            *columns, _ = np.broadcast_arrays(*function(cranks), cranks)
             return [*np.stack(columns, -1).tolist()]
 
-        # If one angle makes the whole array fail, each angle is evaluated separately.
         with np.errstate(all='ignore'), suppress(LinkageError, *FAILURES):
-            return rows(self.cranks)
-        return [attempt(lambda x: rows(x)[0], crank) for crank in self.cranks[:, None]]
+            return rows_of(self.cranks)
+        # One angle makes the whole array fail, so each is evaluated as an array of its own.
+        return [attempt(lambda one: rows_of(one)[0], crank) for crank in self.cranks[:, None]]
 
 
 class TurnCase(LinkageCase):
@@ -189,11 +203,11 @@ class TurnCase(LinkageCase):
         fine = reach.samples(angles)
         even = np.linspace(0, fine[-1], angles * reach.period_turns + 1)
         # The first angle is half a step after 0, so that special angles do not favour a method.
-        self._ones = even[:-1] + math.pi / angles
+        self._timed = even[:-1] + math.pi / angles
         # Angles where the motion is fast are added, including the fastest.
-        fast = reach.fast + math.pi * np.arange(2 * reach.period_turns)
-        some = np.setdiff1d(fine, even)[:: 360 // angles]
-        cranks = np.unique(np.concatenate([self._ones, some, fast, more]))
+        fastest = reach.fast + math.pi * np.arange(2 * reach.period_turns)
+        fast = np.setdiff1d(fine, even)[:: 360 // angles]
+        cranks = np.unique(np.concatenate([self._timed, fast, fastest, more]))
         super().__init__(mechanism, cranks, _rough(mechanism, 0.1))
 
     def panels(self, method: Method, _: Setting) -> Panels:
@@ -207,8 +221,9 @@ class TurnCase(LinkageCase):
     ) -> Callable[[], float]:
         """Prepares a method; returns a function that measures its time per state, us."""
         function = self.function(method, setting, quantity, mode)
-        calls: Any = self._ones.tolist() if mode == ONE else [np.resize(self._ones, _BATCH)]
-        return lambda: elapsed(function, calls) / np.size(calls) * 1e6
+        timed, batch = self._timed.tolist(), np.resize(self._timed, _BATCH)
+        arguments: Any = timed if mode == ONE else [batch]
+        return lambda: elapsed(function, arguments) / np.size(arguments) * 1e6
 
 
 def _rough(mechanism: Linkage, crank: float) -> stages.Pair:
@@ -223,25 +238,26 @@ def linkages(*, quick: bool) -> list[tuple[str, TurnCase]]:
     1e-12 m. Its masses and inertias equal those of the first linkage. The last one is the first
     linkage with a dyad: at crank angle 0, the sine of the angle between its links is 1e-3.
     """
-    found: dict[str, Any] = {
-        name: load(name).mechanism for name in ('quadrilateral', 'slider_crank')
-    }
-    q = found['quadrilateral']
-    found[NEAR] = replace(
-        q,
-        crank=replace(q.crank, length=0.3),
-        frame=replace(q.frame, length=0.3 + 1e-12),
-        coupler=replace(q.coupler, length=0.5),
-        rocker=replace(q.rocker, length=0.5),
+    quadrilateral: Any = load('quadrilateral').mechanism
+    kite = replace(
+        quadrilateral,
+        crank=replace(quadrilateral.crank, length=0.3),
+        frame=replace(quadrilateral.frame, length=0.3 + 1e-12),
+        coupler=replace(quadrilateral.coupler, length=0.5),
+        rocker=replace(quadrilateral.rocker, length=0.5),
     )
-    found['six_bar'] = load('watt').mechanism
-    r = q.crank.length
+    r = quadrilateral.crank.length
     rod = Body(1.5 * r * (1 + 1.25e-7), 2.0, 0.1, (0.75 * r, 0.0))
-    arm = Dyad(
+    dyad = Dyad(
         name='arm', from_='crank', from_at=(r, 0.0), to='frame', to_at=(-2 * r, 0.0), first=rod,
         second=rod,
     )  # fmt: skip
-    found[TOGGLE] = replace(q, dyads=(arm,))
-    near = {TOGGLE: [0.0, *(sign * 10.0**-k for k in range(2, 6) for sign in (-1, 1))]}
+    near_toggle = [0.0, *(sign * 10.0**-k for k in range(2, 6) for sign in (-1, 1))]
     angles = 12 if quick else 360
-    return [(name, TurnCase(each, angles, near.get(name, ()))) for name, each in found.items()]
+    return [
+        ('quadrilateral', TurnCase(quadrilateral, angles)),
+        ('slider_crank', TurnCase(cast('Any', load('slider_crank').mechanism), angles)),
+        (NEAR, TurnCase(kite, angles)),
+        ('six_bar', TurnCase(cast('Any', load('watt').mechanism), angles)),
+        (TOGGLE, TurnCase(replace(quadrilateral, dyads=(dyad,)), angles, near_toggle)),
+    ]

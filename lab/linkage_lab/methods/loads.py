@@ -38,18 +38,18 @@ class NumberCase(Case):
     """A case whose answer is a single number.
 
     Attributes:
-        given: Input of the methods. For a load curve: its points, rad and N m, and the crank
+        arguments: Input of the methods. For a load curve: its points, rad and N m, and the crank
             angle, rad. For friction: the linkage, the crank angle, rad, b, N, and k.
         exact: Reference value.
         size: Scale of the relative errors.
     """
 
-    def __init__(self, given: tuple[Any, ...], exact: float, size: float) -> None:
-        self.given, self.exact, self.size = given, exact, size
+    def __init__(self, arguments: tuple[Any, ...], exact: float, size: float) -> None:
+        self.arguments, self.exact, self.size = arguments, exact, size
 
     def rows(self, method: Method, *_: Any) -> Sequence[Row]:
         """See `Case`."""
-        return [attempt(lambda: (method.solve(*self.given),))]
+        return [attempt(lambda: (method.solve(*self.arguments),))]
 
     def error(self, _quantity: str, _place: int, row: Sequence[float]) -> float:
         """See `Case`."""
@@ -163,21 +163,24 @@ FRICTION_METHODS = [
 
 
 def _rubbing(random: Random, _: int, *, share: float, relieves: bool = False) -> NumberCase:
-    """Makes a random slider-crank whose coefficient of friction gives |k| = `share`."""
-    r, b, offset = random.uniform((0.1, 0.5, -0.02), (0.3, 1.0, 0.02)).tolist()
-    crank = float(random.uniform(0.5, 2.6)) * (1 if random.random() < 0.5 else -1)
-    smooth = slider_crank(r, b, offset)
-    push, velocity = _guide(smooth, crank)
-    pushed = replace(smooth, loads=(LinkLoad('slider', force=10.0),))
-    slope = -math.copysign(1.0, velocity) * (_guide(pushed, crank)[0] - push) / 10.0
-    # k, positive if friction adds to the normal force; at 1 and above, the mechanism locks.
-    locks = share * math.copysign(1.0, slope * push)
-    if (locks < 0) != relieves:
-        return _rubbing(random, 0, share=share, relieves=relieves)
-    mechanism = replace(smooth, loads=(Friction(guide=share / abs(slope)),))
-    exact = abs(push) / (1 - locks)
-    given = mechanism, crank, push, share * math.copysign(1.0, slope)
-    return NumberCase(given, exact, abs(exact))
+    """Makes a random slider-crank whose coefficient of friction gives |k| = `share`.
+
+    With `relieves`, friction reduces the normal force; otherwise it adds to it.
+    """
+    while True:
+        r, b, offset = random.uniform((0.1, 0.5, -0.02), (0.3, 1.0, 0.02)).tolist()
+        crank = float(random.uniform(0.5, 2.6)) * (1 if random.random() < 0.5 else -1)
+        smooth = slider_crank(r, b, offset)
+        force, velocity = _guide(smooth, crank)
+        # The change of the guide force for a friction of 1 N, from that for a force of 10 N.
+        pushed = replace(smooth, loads=(LinkLoad('slider', force=10.0),))
+        per_friction = -math.copysign(1.0, velocity) * (_guide(pushed, crank)[0] - force) / 10.0
+        if (per_friction * force < 0) == relieves:
+            break
+    mechanism = replace(smooth, loads=(Friction(guide=share / abs(per_friction)),))
+    exact = abs(force) / (1 + share if relieves else 1 - share)
+    gain = share * math.copysign(1.0, per_friction)
+    return NumberCase((mechanism, crank, force, gain), exact, abs(exact))
 
 
 FRICTION_SITUATIONS = (

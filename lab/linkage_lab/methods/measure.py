@@ -22,7 +22,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -92,11 +92,11 @@ def label(setting: Setting) -> str:
     return ', '.join(f'{name} {value:g}' for name, value in setting.items())
 
 
-def attempt(solve: Callable[..., Sequence[float]], *given: Any) -> Row:
+def attempt(solve: Callable[..., Sequence[float]], *arguments: Any) -> Row:
     """Calls a function; returns its values, NaN after an arithmetic error, None if refused."""
     try:
         with np.errstate(all='ignore'):
-            return solve(*given)
+            return solve(*arguments)
     except LinkageError:
         return None
     except FAILURES:
@@ -188,21 +188,29 @@ def measure_outcomes(
         The cells, grouped by situation. A cell has the names of method and situation, the worst
         outcome, and the largest error of all finite values, or None if no value is finite.
     """
-    cells, made = [], lru_cache(1)(Situation.cases)
+    cells = []
+    cases_of = lru_cache(1)(Situation.cases)  # all methods of a situation share its cases
     for situation, method in progress([*itertools.product(situations, methods)], 'situations'):
-        found = [
-            outcome
-            for case in made(situation, cases)
-            for panel in case.panels(method, method.steady)
-            for outcome in case.outcomes(method, method.steady, *panel)
-        ]
-        errors = [error for _, error in found if math.isfinite(error)]
+        outcomes = list[tuple[str, float]]()
+        for case in cases_of(situation, cases):
+            for quantity, mode in case.panels(method, method.steady):
+                outcomes += case.outcomes(method, method.steady, quantity, mode)
+        errors = [error for _, error in outcomes if math.isfinite(error)]
         cells.append({
             'method': method.name, 'situation': situation.name,
-            'outcome': max((outcome for outcome, _ in found), key=OUTCOMES.index),
+            'outcome': max((outcome for outcome, _ in outcomes), key=OUTCOMES.index),
             'worst_error': max(errors, default=None),
         })  # fmt: skip
     return cells
+
+
+class _Measured(NamedTuple):
+    """A method with a setting, in a panel of the accuracy chart."""
+
+    method: Method
+    setting: Setting
+    quantity: str
+    mode: str
 
 
 def measure_accuracy(
@@ -220,28 +228,40 @@ def measure_accuracy(
     """
     points: list[Point] = []
     for name, case in cases:
-        asked = [
-            (method, setting, *panel)
+        measured = [
+            _Measured(method, setting, quantity, mode)
             for method in methods
             for setting in method.settings
-            for panel in case.panels(method, setting)
+            for quantity, mode in case.panels(method, setting)
         ]
-        outcomes = [case.outcomes(*each) for each in progress(asked, f'errors, {name}')]
-        timers = [case.timer(*each) for each in asked]
-        rounds = progress(range(1 if quick else case.rounds), f'times, {name}')
-        times = [[attempt(lambda: (timer(),)) or (math.nan,) for timer in timers] for _ in rounds]  # noqa: B023
-        fastest = np.min(times, axis=(0, 2)).tolist()
-        for (method, setting, quantity, mode), found, us in zip(
-            asked, outcomes, fastest, strict=True
-        ):
-            error = max(error for _, error in found)
+        errors = [
+            max(error for _, error in case.outcomes(*one))
+            for one in progress(measured, f'errors, {name}')
+        ]
+        times = _fastest(
+            [case.timer(*one) for one in measured],
+            progress(range(1 if quick else case.rounds), f'times, {name}'),
+        )
+        for one, error, us in zip(measured, errors, times, strict=True):
             points.append({
-                'method': method.name, 'setting': label(setting), 'mechanism': name,
-                'quantity': quantity, 'mode': mode,
+                'method': one.method.name, 'setting': label(one.setting), 'mechanism': name,
+                'quantity': one.quantity, 'mode': one.mode,
                 'us_per_state': us if math.isfinite(us) else None,
                 'max_error': error if math.isfinite(error) else None,
             })  # fmt: skip
     return with_fronts(points)
+
+
+def _fastest(timers: Sequence[Callable[[], float]], rounds: Iterable[int]) -> list[float]:
+    """Calls timers in turn; returns the shortest time of each, NaN if it fails."""
+
+    def time_of(timer: Callable[[], float]) -> float:
+        row = attempt(lambda: (timer(),))
+        return row[0] if row else math.nan
+
+    times = [[time_of(timer) for timer in timers] for _ in rounds]
+    shortest: list[float] = np.min(times, axis=0).tolist()
+    return shortest
 
 
 def with_fronts(points: list[Point]) -> list[Point]:
@@ -261,9 +281,9 @@ def with_fronts(points: list[Point]) -> list[Point]:
 
 
 def _beats(one: Point, other: Point) -> bool:
+    """Returns whether a point of the same panel is as good in both figures, better in one."""
     panel, figures = ('mechanism', 'quantity', 'mode'), ('us_per_state', 'max_error')
-    return (
-        all(one[name] == other[name] for name in panel)
-        and all(one[name] <= other[name] for name in figures)
-        and any(one[name] < other[name] for name in figures)
-    )
+    is_in_panel = all(one[name] == other[name] for name in panel)
+    is_as_good = all(one[name] <= other[name] for name in figures)
+    is_better = any(one[name] < other[name] for name in figures)
+    return is_in_panel and is_as_good and is_better

@@ -72,14 +72,16 @@ class MotionCase(Case):
 
     @cached_property
     def _sizes(self) -> list[float]:
+        """Units of the coordinates, and the largest magnitude of each rate."""
         count = len(self.problem.start) // 2
         return [*self.problem.driven.units[:count], *abs(self._exact[:, count:]).max(axis=0)]
 
     def panels(self, _: Method, setting: Setting) -> Panels:
         """See `Case`; SLOWEST needs steps of at most 1 ms."""
-        has_ticks = TRAJECTORY in self.quantities and setting.get('step', 0) <= _TICK
-        return [*((quantity, MEAN) for quantity in self.quantities),
-                *[(TRAJECTORY, SLOWEST)] * has_ticks]  # fmt: skip
+        found = [(quantity, MEAN) for quantity in self.quantities]
+        if TRAJECTORY in self.quantities and setting.get('step', 0) <= _TICK:
+            found.append((TRAJECTORY, SLOWEST))
+        return found
 
     def rows(self, method: Method, setting: Setting, *_: str) -> Sequence[Row]:
         """See `Case`; a row is a phase and the loop gap, m. A failed row is the last one."""
@@ -96,10 +98,11 @@ class MotionCase(Case):
         if quantity == LOOP:
             return float(gap / self.problem.mechanism.crank.length)
         if quantity == ENERGY:
-            (kinetic, still), energy = map(self.problem.energy, (self.problem.start, tuple(phase)))
-            return abs(sum(energy) - (kinetic + still)) / kinetic
-        apart = abs(np.array([*map(Decimal, phase)]) - self._exact[place])
-        return float(max(apart.astype(float) / np.array(self._sizes, float)))
+            kinetic, potential = self.problem.energy(self.problem.start)
+            change = sum(self.problem.energy(tuple(phase))) - (kinetic + potential)
+            return abs(change) / kinetic
+        errors = abs(np.array([*map(Decimal, phase)]) - self._exact[place])
+        return float(max(errors.astype(float) / np.array(self._sizes, float)))
 
     def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[tuple[str, float]]:
         """See `Case`; if any row is wrong, only the wrong rows are returned."""
@@ -108,10 +111,10 @@ class MotionCase(Case):
 
     def timer(self, method: Method, setting: Setting, _: str, mode: str) -> Callable[[], float]:
         """Returns a function that measures the mean or largest time, us, per simulated ms."""
-        begin, times = partial(method.solve, self.problem, setting), self.times
+        start, times = partial(method.solve, self.problem, setting), self.times
         if mode == SLOWEST:
-            return lambda: _slowest_time(times[-1], begin)
-        return lambda: elapsed(begin().at, times) / times[-1] * 1e3
+            return lambda: _slowest_time(times[-1], start)
+        return lambda: elapsed(start().at, times) / times[-1] * 1e3
 
 
 # Cached, because situations share motions, and panels of a chart share runs.
@@ -126,15 +129,15 @@ def integrate(
     rows: list[Row] = []
 
     def append_rows() -> Sequence[float]:
-        at = solve(problem, dict(setting)).at
-        for moment in times:
-            phase = at(moment)
+        integrator = solve(problem, dict(setting))
+        for time in times:
+            phase = integrator.at(time)
             if not all(map(math.isfinite, phase)):
                 raise ArithmeticError('the motion overflows')
             rows.append(with_gap(problem, phase))
         return ()
 
-    failed_row = attempt(append_rows)
+    failed_row = attempt(append_rows)  # only if an error ended it before the last time
     if len(rows) < len(times):
         rows.append(failed_row)
     return rows
@@ -145,20 +148,25 @@ def with_gap(problem: InitialValueProblem, phase: Phase) -> Phase:
 
     Unreachable coordinates raise the same error as in a run.
     """
-    solver, is_whole = problem.driven.solver, len(phase) > len(problem.start)
-    state = State(*halves(phase), (), 0.0) if is_whole else solver.state(*halves(phase))
-    moving = [solver.links.index(name) for name in solver.coordinates]
-    coordinates = [row[i] for row in state[:2] for i in moving]
-    return *coordinates, solver.structure.loop_residual(state)
+    solver, has_all_links = problem.driven.solver, len(phase) > len(problem.start)
+    position, rates = halves(phase)
+    state = State(position, rates, (), 0.0) if has_all_links else solver.state(position, rates)
+    indices = [solver.links.index(name) for name in solver.coordinates]
+    coordinates = [state.position[i] for i in indices]
+    velocities = [state.velocity[i] for i in indices]
+    return *coordinates, *velocities, solver.structure.loop_residual(state)
 
 
-def _slowest_time(seconds: float, begin: Callable[[], Any]) -> float:
+def _slowest_time(seconds: float, start: Callable[[], Any]) -> float:
     """Measures the time, us, of the slowest simulated ms; the best of three runs for each ms.
 
-    It times the first 300 ms for each second of the motion, at most 1000 ms.
+    Args:
+        seconds: Duration of the motion, of which three tenths, at most 1 s, are timed.
+        start: Function that starts an integrator.
     """
     ticks = [(i + 1) * _TICK for i in range(min(1000, round(seconds * 300)))]
-    runs = [[elapsed(at, [tick]) for tick in ticks] for at in [begin().at for _ in range(3)]]
+    integrators = [start() for _ in range(3)]
+    runs = [[elapsed(one.at, [tick]) for tick in ticks] for one in integrators]
     return float(np.min(runs, axis=0).max() * 1e6)
 
 
@@ -184,6 +192,7 @@ def motions(*, quick: bool) -> list[tuple[str, MotionCase]]:
 
 
 def _driven(random: Random, i: int) -> MotionCase:
+    """Makes the wind pump with its motor, at two given and then at random speeds."""
     speed = (2.0, 6.0)[i] if i < 2 else float(random.uniform(1.0, 7.0))
     return MotionCase(driven_pump(speed), even(5.0))
 
@@ -195,17 +204,20 @@ def _parallelogram(random: Random) -> FourBar:
 
 
 def _change_point(random: Random, _: int) -> MotionCase:
+    """Makes a parallelogram under a constant torque; its acceleration is constant."""
     mechanism = _parallelogram(random)
     angle, speed, torque = random.uniform((-2, 1, 0.1), (-1, 3, 0.2)).tolist()
     problem = InitialValueProblem(mechanism, (angle, speed), Motor(torque))
-    change = torque / problem.driven.solver.matrix(1.0)[0][0]
-    return MotionCase(
-        problem, even(4.0),
-        at=lambda t: (angle + (speed + change / 2 * t) * t, speed + change * t),
-    )  # fmt: skip
+    acceleration = torque / problem.driven.solver.matrix(1.0)[0][0]
+
+    def exact(t: float) -> Phase:
+        return angle + (speed + acceleration / 2 * t) * t, speed + acceleration * t
+
+    return MotionCase(problem, even(4.0), at=exact)
 
 
 def _steep_line(random: Random, i: int) -> MotionCase:
+    """Makes a parallelogram at rest with a motor whose torque falls steeply with the speed."""
     damping = (1e3, 1e7)[i] if i < 2 else 10.0 ** float(random.uniform(3, 9))
     mechanism, speed = _parallelogram(random), float(random.uniform(5, 20))
     problem = InitialValueProblem(mechanism, (0.0, 0.0), Motor(damping * speed, damping))
@@ -214,44 +226,60 @@ def _steep_line(random: Random, i: int) -> MotionCase:
 
 
 def _stiff_guide(random: Random, i: int) -> MotionCase:
+    """Makes a pump whose slider, damped strongly, moves independently of the crank."""
     pump = free_pump(1.0).mechanism
     damping = (1e5, 1e9)[i] if i < 2 else 10.0 ** float(random.uniform(5, 11))
-    force, speed = random.uniform((-0.1, 1), (0.1, 3)).tolist()
+    final_velocity, speed = random.uniform((-0.1, 1), (0.1, 3)).tolist()
     # Massless coupler and rod do not couple crank and slider.
     pump = replace(
         pump, gravity=(0.0, 0.0), crank=Body(0.12, inertia=20.0),
         coupler=Coupler(0.8), rod=Body(1.6),
-        loads=(LinkLoad('slider', damping * force, damping),),
+        loads=(LinkLoad('slider', damping * final_velocity, damping),),
     )  # fmt: skip
 
-    def at(t: float) -> Phase:
-        moved, velocity = _settling(1.0, force, damping / pump.slider.mass, t)
+    def exact(t: float) -> Phase:
+        moved, velocity = _settling(1.0, final_velocity, damping / pump.slider.mass, t)
         return speed * t, pump.slider.position + moved, speed, velocity
 
     start = 0.0, pump.slider.position, speed, 1.0
-    return MotionCase(InitialValueProblem(pump, start), even(1.0), at=at)
+    return MotionCase(InitialValueProblem(pump, start), even(1.0), at=exact)
 
 
-def _settling(begin: float, end: float, rate: float, time: float) -> tuple[float, float]:
-    """Computes distance and speed of a damped body that approaches its final speed."""
+def _settling(first: float, final: float, rate: float, time: float) -> tuple[float, float]:
+    """Computes distance and speed of a damped body that approaches its final speed.
+
+    Args:
+        first: Speed at the start.
+        final: Speed that it approaches.
+        rate: Damping per mass, 1/s.
+        time: Time since the start, s.
+    """
     settled = -math.expm1(-rate * time)
-    return end * time + (begin - end) * settled / rate, begin + (end - begin) * settled
+    return final * time + (first - final) * settled / rate, first + (final - first) * settled
 
 
 def _stretched(random: Random, i: int) -> MotionCase:
+    """Makes a motion in which a dyad comes into line; every fourth is that of a limited crank."""
     while True:  # some random motions stretch no dyad
-        if i % 4 == 3:
-            mechanism = limited(random)
-            start, end = Solver(mechanism).reach.arcs[0]
-            speed = float(random.uniform(3, 6)) * (end - start)
-            problem = InitialValueProblem(mechanism, ((start + end) / 2, speed))
-        else:
-            torque = float(random.uniform(4.6, 8.0)) * (1 if random.random() < 0.5 else -1)
-            problem = driven_pump(2.0, (5.0, 6.0, -7.0)[i] if i < 3 else torque)
-        at, stretched = _stretch(problem)
+        problem = _limited_crank(random) if i % 4 == 3 else _accelerated_pump(random, i)
+        exact, stretched = _stretch(problem)
         if stretched is not None:
             times = stretched * np.linspace(0.0, 1.5, 14)[1:]
-            return MotionCase(problem, times.tolist(), at=at)
+            return MotionCase(problem, times.tolist(), at=exact)
+
+
+def _limited_crank(random: Random) -> InitialValueProblem:
+    """Starts a random linkage with a limited crank in the middle of its arc."""
+    mechanism = limited(random)
+    start, end = Solver(mechanism).reach.arcs[0]
+    speed = float(random.uniform(3, 6)) * (end - start)
+    return InitialValueProblem(mechanism, ((start + end) / 2, speed))
+
+
+def _accelerated_pump(random: Random, i: int) -> InitialValueProblem:
+    """Starts the wind pump with a slider velocity: three given ones, then random ones."""
+    velocity = float(random.uniform(4.6, 8.0)) * (1 if random.random() < 0.5 else -1)
+    return driven_pump(2.0, (5.0, 6.0, -7.0)[i] if i < 3 else velocity)
 
 
 @lru_cache(maxsize=8)

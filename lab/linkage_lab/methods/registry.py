@@ -43,18 +43,20 @@ def newton_raphson(case: LinkageCase, setting: Setting) -> Locate:
     Returns:
         Function from the crank angle, rad, to coupler and output.
     """
-    names = 'crank', 'coupler', 'output'
-    step = Program(stages.newton_step, Constants(stages.Links.of(case.mechanism)), names).floats
-    place, tolerance = case.guess, setting['tolerance']
+    constants = Constants(stages.Links.of(case.mechanism))
+    step = Program(stages.newton_step, constants, ('crank', 'coupler', 'output')).floats
+    position, tolerance = case.guess, setting['tolerance']
 
     def locate(crank: float) -> Pair:
-        nonlocal place
+        nonlocal position
+        coupler, output = position
         for _ in range(CAP):
-            turn, move, x, y = step(crank, *place)
-            place = place[0] + turn, place[1] + move
-            if max(abs(turn), abs(move), abs(x), abs(y)) <= tolerance:
+            coupler_step, output_step, gap_x, gap_y = step(crank, coupler, output)
+            coupler, output = coupler + coupler_step, output + output_step
+            if max(map(abs, (coupler_step, output_step, gap_x, gap_y))) <= tolerance:
                 break
-        return place
+        position = coupler, output
+        return position
 
     return locate
 
@@ -66,24 +68,27 @@ def listing(case: LinkageCase, _: Setting) -> Locate:
     and a complex number instead of its real part. The angles therefore become complex; the listing
     plots their real parts.
     """
-    mechanism, x = case.mechanism, np.array(case.guess)
+    mechanism, angles = case.mechanism, np.array(case.guess)  # of coupler and rocker
 
     def locate(crank: float) -> Pair:
-        nonlocal x
+        nonlocal angles
         r, b, c, d = lengths(mechanism)
         if c is None:
             raise ConfigurationError("Ghalbi's listing is for a four-bar")
         fixed = cmath.rect(r, crank) - cmath.rect(d, mechanism.frame.angle)
         for _ in range(_ENDLESS):
-            coupler, rocker = np.exp(1j * x)
-            f = fixed + b * coupler - c * rocker
-            one, other = 1j * b * coupler, -1j * b * rocker
-            jacobian = np.array([[one.real, other], [one.imag, other.imag]])
-            residual = np.array([f.real, f.imag])
+            coupler, rocker = np.exp(1j * angles)
+            gap = fixed + b * coupler - c * rocker
+            by_coupler, by_rocker = (
+                1j * b * coupler,
+                -1j * b * rocker,
+            )  # both errors of the listing
+            jacobian = np.array([[by_coupler.real, by_rocker], [by_coupler.imag, by_rocker.imag]])
+            residual = np.array([gap.real, gap.imag])
             step = np.dot(-np.linalg.inv(jacobian), residual)
-            x = x + step
+            angles = angles + step
             if not np.any(np.abs([*step, *residual]) > 1e-3):
-                return float(x[0].real), float(x[1].real)
+                return float(angles[0].real), float(angles[1].real)
         raise ArithmeticError('the iteration does not end')
 
     return locate
@@ -108,26 +113,27 @@ def hermite(mechanism: Linkage, nodes: int) -> Locate:
     length = solver.reach.period_turns * math.tau
     state = solver.state(np.arange(nodes + 1) * (length / nodes), 1.0)
     links = zip(solver.structure.links[1:], state.position[1:], strict=True)
-    places = [row if link.slides else np.unwrap(row) for link, row in links]
+    positions = [row if link.slides else np.unwrap(row) for link, row in links]
     slopes = np.transpose(state.velocity[1:]) * (length / nodes)
-    spline = CubicHermiteSpline(np.arange(nodes + 1), np.transpose(places), slopes)
-    table = np.concatenate(spline.c[::-1].transpose(0, 2, 1))
-    per_step, count = nodes / length, len(places)
-    rows = table.reshape(4, count, nodes).T.tolist()
+    spline = CubicHermiteSpline(np.arange(nodes + 1), np.transpose(positions), slopes)
+    # Coefficients in increasing order, of all links in one array: fancy indices are then fastest.
+    table = np.concatenate(spline.c[::-1].transpose(0, 2, 1))  # shape (4 x links, nodes)
+    count, nodes_per_angle = len(positions), nodes / length
+    by_node = table.reshape(4, count, nodes).T.tolist()  # for each node and link, four floats
 
     def look_up(crank: Real) -> Pair:
-        place = (crank % length) * per_step
+        place = (crank % length) * nodes_per_angle
         if isinstance(place, float):
-            index: Any = min(int(place), nodes - 1)
-            links = rows[index]
+            node: Any = min(int(place), nodes - 1)
+            coefficients = by_node[node]
         else:
-            index = np.minimum(place.astype(np.intp), nodes - 1)
-            links = table[:, index].reshape(4, count, -1).swapaxes(0, 1)
-        t = place - index
+            node = np.minimum(place.astype(np.intp), nodes - 1)
+            coefficients = table[:, node].reshape(4, count, -1).swapaxes(0, 1)
+        t = place - node
         if count == 2:  # a loop without dyads; written out, this is a third faster
-            (a1, b1, c1, d1), (a2, b2, c2, d2) = links
+            (a1, b1, c1, d1), (a2, b2, c2, d2) = coefficients
             return a1 + t * (b1 + t * (c1 + t * d1)), a2 + t * (b2 + t * (c2 + t * d2))
-        return [a + t * (b + t * (c + t * d)) for a, b, c, d in links]
+        return [a + t * (b + t * (c + t * d)) for a, b, c, d in coefficients]
 
     return look_up
 

@@ -87,7 +87,9 @@ def turning(random: Random) -> Linkage:
             offset = float(random.uniform(-0.3, 0.3)) * (b - r)
             return slider_crank(r, b, offset, any_assembly(random), angle)
         r, b, c, d = lengths = random.uniform(0.1, 1.0, 4).tolist()
-        if b + c - d - r > 0.05 and (d - r - b + c) * (d - r + b - c) > 0.0025:
+        reaches_far = b + c - d - r > 0.05  # coupler and rocker span d + r
+        reaches_near = (d - r - b + c) * (d - r + b - c) > 0.0025  # and |d - r|
+        if reaches_far and reaches_near:
             return four_bar(lengths, any_assembly(random), angle)
 
 
@@ -102,9 +104,11 @@ def limited(random: Random) -> FourBar:
     """Makes a random four-bar whose crank cannot turn fully."""
     while True:
         r, b, c, d = lengths = random.uniform(0.2, 1.0, 4).tolist()
-        near = (d - r - b + c) * (d - r + b - c)
-        reach = b + c - abs(d - r) > 0.05 and abs(b - c) - (d + r) < -0.05
-        if reach and (b + c - d - r < -0.05) != (near < -0.01):
+        closes = b + c - abs(d - r) > 0.05 and abs(b - c) - (d + r) < -0.05
+        # Coupler and rocker are too short for the pin at d + r, or too different for |d - r|.
+        stretches = b + c - d - r < -0.05
+        folds = (d - r - b + c) * (d - r + b - c) < -0.01
+        if closes and stretches != folds:  # one arc
             return four_bar(lengths, any_assembly(random), float(random.uniform(-3, 3)))
 
 
@@ -123,26 +127,29 @@ def _passing(*extra: float) -> tuple[float, ...]:
 
 
 def _near(random: Random, i: int) -> LinkageCase:
+    """Makes a near miss of a change point, in turn of a kite's and of another linkage's."""
     angle, gap = float(random.uniform(-3, 3)), 10.0 ** -float(random.uniform(11, 13))
     r, b = random.uniform((0.2, 0.5), (0.4, 0.9)).tolist()
-    d = r + gap if i % 2 else r + float(random.uniform(0.1, 0.4))
-    c = b if i % 2 else d - r + b - gap
+    is_kite = i % 2 == 1
+    d = r + gap if is_kite else r + float(random.uniform(0.1, 0.4))
+    c = b if is_kite else d - r + b - gap
     mechanism = four_bar((r, b, c, d), any_assembly(random), angle)
     aside = [sign * 10.0**power for power in range(-14, 0) for sign in (-1, 1)]
     return LinkageCase(mechanism, sorted(angle + x for x in (*aside, 0.0)))
 
 
 def _dead_centre(random: Random, _: int) -> LinkageCase:
+    """Makes crank angles that approach one end of an arc from its middle, as in a motion."""
     mechanism = limited(random)
     start, end = Solver(mechanism).reach.arcs[0]
     goal, inward = (start, 1.0) if random.random() < 0.5 else (end, -1.0)
-    # The angles approach one end from the middle of the arc, as in a motion.
     approach = np.linspace((start + end) / 2, goal + inward * 1e-2, 40, endpoint=False)
     near = [goal + inward * 10.0**-k for k in range(2, 7)]
     return LinkageCase(mechanism, [*approach, *near])
 
 
 def _no_assembly(random: Random, _: int) -> LinkageCase:
+    """Makes crank angles beyond an arc, with a first guess inside it."""
     mechanism = limited(random)
     start, end = Solver(mechanism).reach.arcs[0]
     beyond = end + random.uniform(0.01, 0.9, 8) * 0.1
@@ -166,6 +173,7 @@ def _denominator(random: Random, i: int) -> LinkageCase:
 
 
 def _wrong_guess(random: Random, _: int) -> LinkageCase:
+    """Makes a turn with the first guess in the other assembly."""
     mechanism, cranks = turning(random), _turn()
     position = Solver(other_assembly(mechanism)).state(cranks[0]).position
     return LinkageCase(mechanism, cranks, position[1:])

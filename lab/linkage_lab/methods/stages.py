@@ -40,7 +40,7 @@ from linkage_ros.formulas import (
 from linkage_ros.internals import Model, torque
 
 QUANTITIES = ('position', 'rate', 'acceleration', 'torque')
-STATE, POSITION, RATES = 'state', 'position', 'rates'
+STATE, POSITION, RATES = 'state', 'position', 'rates'  # stages; POSITION is also a quantity
 # Quantities that a method of each stage computes itself.
 OWN = {STATE: QUANTITIES, POSITION: QUANTITIES[:1], RATES: QUANTITIES[1:3]}
 SPEED, ACCELERATION = 5 * math.pi, 20.0  # of the crank, rad/s (150 rpm) and rad/s^2
@@ -80,9 +80,9 @@ class Links(NamedTuple):
         r, b, c, d = lengths(mechanism)
         side = 1.0 if mechanism.assembly == OPEN else -1.0
         model = Model.of(mechanism, mechanism.structure())
-        if callable(tool):
-            parts = map(operator.itemgetter, range(len(model.links) - 1))
-            tool = tuple(map(Opaque, (tool, *parts)))
+        if callable(tool):  # a program calls it, and then takes each of its results
+            takers = map(operator.itemgetter, range(len(model.links) - 1))
+            tool = tuple(map(Opaque, (tool, *takers)))
         return cls(r, b, c, d, mechanism.frame.angle, side, model, tool)
 
 
@@ -101,44 +101,57 @@ def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..
         torque, N m, in a tuple. A direction is an angle, rad, or the two components of a
         unit vector; the position of a slider is in m.
     """
-    position, slopes = (solve, two_by_two) if stage == POSITION else (factored, solve)
+    locate, differentiate = (solve, two_by_two) if stage == POSITION else (factored, solve)
 
     def solved(links: Links, crank: Real) -> tuple[Real, ...]:
-        if stage == STATE and quantity == QUANTITIES[3]:
-            return torque(links.model, (crank,), (SPEED,), (ACCELERATION,))
-        if quantity == stage == POSITION:
-            return tuple(_numbers(solve(links, crank)))
         if stage == STATE:
-            pose = links.model.loop.pose((crank,))
-            place: Any = tuple(link.position for link in pose.links[1:])
-        else:
-            place, *derivatives = slopes(links, crank, functools.partial(position, links))
-            pose = posed(links, crank, place, *derivatives)
-        if quantity == QUANTITIES[3]:
-            return torque(
-                links.model._replace(loop=_Posed(pose)), (crank,), (SPEED,), (ACCELERATION,)
-            )
-        found = {
-            QUANTITIES[0]: _numbers(place),
-            QUANTITIES[1]: [x.jacobian[0] * SPEED for x in pose.links[1:]],
-            QUANTITIES[2]: [
-                x.curvature[0] * (SPEED * SPEED) + x.jacobian[0] * ACCELERATION
-                for x in pose.links[1:]
-            ],
-        }
-        return tuple(found[quantity])
+            return _of_package(quantity, links, crank)
+        if stage == POSITION and quantity == POSITION:
+            return tuple(_numbers(solve(links, crank)))
+        place, first, second = differentiate(links, crank, functools.partial(locate, links))
+        pose = posed(links, crank, place, first, second)
+        if quantity == 'torque':
+            model = links.model._replace(loop=_Posed(pose))
+            return torque(model, (crank,), (SPEED,), (ACCELERATION,))
+        return _of_pose(quantity, place, pose)
 
     return solved
 
 
-class _Posed(NamedTuple):
-    """A loop whose pose is given."""
+def _of_package(quantity: str, links: Links, crank: Real) -> tuple[Real, ...]:
+    """Computes a quantity by the package's own formulas alone; see `formula`."""
+    if quantity == 'torque':
+        return torque(links.model, (crank,), (SPEED,), (ACCELERATION,))
+    pose = links.model.loop.pose((crank,))
+    return _of_pose(quantity, tuple(link.position for link in pose.links[1:]), pose)
 
-    given: Pose
+
+def _of_pose(quantity: str, place: Pair, pose: Pose) -> tuple[Real, ...]:
+    """Computes positions, rates or accelerations of all links but the crank.
+
+    Args:
+        quantity: 'position', 'rate' or 'acceleration'.
+        place: Positions of the links.
+        pose: The pose, with derivatives with respect to the crank angle.
+    """
+    links = pose.links[1:]
+    if quantity == 'position':
+        return tuple(_numbers(place))
+    if quantity == 'rate':
+        return tuple(link.jacobian[0] * SPEED for link in links)
+    return tuple(
+        link.curvature[0] * (SPEED * SPEED) + link.jacobian[0] * ACCELERATION for link in links
+    )
+
+
+class _Posed(NamedTuple):
+    """A loop whose pose is known."""
+
+    known: Pose
 
     def pose(self, _: tuple[Real, ...]) -> Pose:
         """Returns the pose."""
-        return self.given
+        return self.known
 
 
 def _numbers(place: Pair) -> list[Real]:
@@ -256,10 +269,10 @@ def _direction(link: Real | Vector) -> Vector:
 def posed(links: Links, crank: Real, place: Pair, first: Pair, second: Pair) -> Pose:
     """Makes the pose from positions and their derivatives with respect to the crank angle."""
     poses = [LinkPose(crank, Vector.at(crank), (1.0,), (ZERO,))]
-    for link, at, rate, change in zip(links.model.links[1:], place, first, second, strict=True):
-        along = Vector.at(link.angle) if link.slides else _direction(at)
-        angle = atan2(at.y, at.x) if isinstance(at, Vector) else at
-        poses.append(LinkPose(angle, along, (rate,), (change,)))
+    for link, at, slope, bend in zip(links.model.links[1:], place, first, second, strict=True):
+        direction = Vector.at(link.angle) if link.slides else _direction(at)
+        position = atan2(at.y, at.x) if isinstance(at, Vector) else at
+        poses.append(LinkPose(position, direction, (slope,), (bend,)))
     return Pose(tuple(poses), ())
 
 
@@ -292,10 +305,14 @@ def central_differences(links: Links, crank: Real, locate: Locate) -> tuple[Pair
     """Differentiates positions one step before and after (Dahlquist and Bjorck, sec. 3.3)."""
     step = links.tool
     before, here, after = locate(crank - step), locate(crank), locate(crank + step)
-    steps = [(_change(y, z), _change(x, y)) for x, y, z in zip(before, here, after, strict=True)]
-    over, square = 1 / (2 * step), 1 / (step * step)
-    return here, tuple((a + b) * over for a, b in steps), tuple((a - b) * square for a, b in steps)
+    ahead = [_change(now, later) for now, later in zip(here, after, strict=True)]
+    behind = [_change(earlier, now) for earlier, now in zip(before, here, strict=True)]
+    per_angle, per_square = 1 / (2 * step), 1 / (step * step)
+    first = tuple((a + b) * per_angle for a, b in zip(ahead, behind, strict=True))
+    second = tuple((a - b) * per_square for a, b in zip(ahead, behind, strict=True))
+    return here, first, second
 
 
 def _change(old: Any, new: Any) -> Real:
+    """Returns the angle between two directions, or the distance of two positions."""
     return atan2(cross(old, new), dot(old, new)) if isinstance(old, Vector) else new - old

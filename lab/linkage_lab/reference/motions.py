@@ -134,15 +134,14 @@ class MotionReference:
     def _begin(self) -> Any:
         """Returns the state at t = 0."""
         bodies, zero, (q, u) = self._bodies, Decimal(0), halves(self._problem.start)
-        # Doubles serve as the first guess.
-        found = self._problem.driven.solver.state(q, u).position
+        first_guess = self._problem.driven.solver.state(q, u).position  # in doubles
         places = [
             Vector(Decimal(x), zero) if slides else unit(x)
-            for x, slides in zip(found, bodies.slides, strict=True)
+            for x, slides in zip(first_guess, bodies.slides, strict=True)
         ]
         for _ in range(4):  # Newton steps, each of which doubles the number of digits
             turns = bodies.closed(places, [zero] * len(places), [-x for x in bodies.gap(places)])
-            for i in (1, 2):
+            for i in (1, 2):  # coupler and third link
                 moved = places[i] + places[i].left() * turns[i]
                 places[i] = moved * (1 / dot(moved, moved).sqrt())
         speed, *others = map(Decimal, u)
@@ -150,31 +149,34 @@ class MotionReference:
         return np.array([Decimal(q[0]), *(x for place in places for x in place), *rates])
 
     def _split(self, state: Any) -> tuple[list[Vector], list[Decimal]]:
+        """Returns the positions of the links, as `Multibody` takes them, and their rates."""
         count = len(self._bodies.slides)
         places = state[1 : 1 + 2 * count].reshape(count, 2)
         return [Vector(*place) for place in places], state[1 + 2 * count :].tolist()
 
     def _slope(self, state: Any) -> Any:
+        """Returns the derivative of a state with respect to time."""
         places, rates = self._split(state)
         motor = self._problem.motor
         rows, right = self._bodies.system(places, rates)
         right[0] += Decimal(motor.torque) - Decimal(motor.damping) * rates[0]
-        moving = [
-            Vector(rate, Decimal(0)) if slid else place.left() * rate
-            for place, rate, slid in zip(places, rates, self._bodies.slides, strict=True)
+        velocities = [
+            Vector(rate, Decimal(0)) if slides else place.left() * rate
+            for place, rate, slides in zip(places, rates, self._bodies.slides, strict=True)
         ]
-        found = eliminate(rows, right)[: len(rates)]
-        return np.array([rates[0], *(x for vector in moving for x in vector), *found])
+        accelerations = eliminate(rows, right)[: len(rates)]
+        components = [component for velocity in velocities for component in velocity]
+        return np.array([rates[0], *components, *accelerations])
 
     def _state(self, time: float) -> Any:
         """Integrates to the state at a time, s, from the nearest known state."""
         end = Decimal(time)
         with localcontext(_CONTEXT):
-            known = min(self._known, key=lambda known: abs(known - end))
-            state, left = self._known[known], end - known
-            steps = math.ceil(abs(left) / Decimal(_LONGEST))
+            nearest = min(self._known, key=lambda known: abs(known - end))
+            state, span = self._known[nearest], end - nearest
+            steps = math.ceil(abs(span) / Decimal(_LONGEST))
             for _ in range(steps):
-                state = self._moved(state, left / steps)
+                state = self._moved(state, span / steps)
         self._known[end] = state
         return state
 
@@ -184,13 +186,14 @@ class MotionReference:
         Raises:
             ArithmeticError: Even the shortest step fails.
         """
-        above: list[Any] = []
+        above: list[Any] = []  # the previous row of the extrapolation table
         with suppress(ArithmeticError):  # the step may diverge
             slope = self._slope(start)
-            for i in range(1, _ROWS + 1):
+            for i in range(1, _ROWS + 1):  # row i starts with the result of 2 i substeps
                 row = [self._midpoint(start, slope, span / (2 * i), 2 * i)]
-                for j, old in enumerate(above, 1):
-                    row.append(row[-1] + (row[-1] - old) / (Decimal(i * i) / (i - j) ** 2 - 1))
+                for j, coarser in enumerate(above, 1):
+                    squared_ratio = Decimal(i * i) / (i - j) ** 2
+                    row.append(row[-1] + (row[-1] - coarser) / (squared_ratio - 1))
                 if above and abs(row[-1] - above[-1]).max() <= _TOLERANCE:
                     return row[-1]
                 above = row

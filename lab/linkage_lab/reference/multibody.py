@@ -19,7 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 from linkage_ros import FourBar, InvertedSliderCrank, Mechanism
-from linkage_ros.extensions import LinkPose
+from linkage_ros.extensions import Link, LinkPose, Point
 from linkage_ros.formulas import ZERO, Vector, dot
 from linkage_ros.internals import axes_of, spin_of
 
@@ -40,6 +40,36 @@ class _MovingGuide(NamedTuple):
     origin: Vector
     axes: Vector
     spin: int | None
+
+
+class _Closure(NamedTuple):
+    """A gap vector: of the loop, or of an added dyad.
+
+    Attributes:
+        weights: Vectors in the axes of the links that the gap contains, by index of the link.
+        constant: The part of the gap that does not move, m.
+        guide: The guide of the last link if it is on a moving link, otherwise None.
+    """
+
+    weights: dict[int, Vector]
+    constant: Vector
+    guide: _MovingGuide | None
+
+
+class _Body(NamedTuple):
+    """The mass of a link.
+
+    Attributes:
+        mass: Mass, kg.
+        inertia: Moment of inertia about the centre of mass, kg m^2.
+        spin: Index of the link with which it turns; None if it does not turn.
+        center: Vectors to the centre of mass in the axes of links, m, by index of the link.
+    """
+
+    mass: Any
+    inertia: Any
+    spin: int | None
+    center: dict[int, Vector]
 
 
 class Multibody:
@@ -64,44 +94,33 @@ class Multibody:
             unit: Makes the unit vector at an angle, rad, in this type.
             length: Converts a length, m; by default `number`.
         """
-        structure, length = mechanism.structure(), length or number
+        length = length or number
+        structure = mechanism.structure()
         links = structure.links
         self.slides = [link.slides for link in links]
+        self._links = links
         self._guides = [unit(link.angle) for link in links]
         self._zero = number(0.0)
         self._gravity = Vector(*map(number, mechanism.gravity))
-        self._bodies = []
-        for i, link in enumerate(links):
-            spin = i if link.is_guided else spin_of(links, i)
-            weights = (0j,) * i + (1 + 0j,) if link.is_guided else link.center.weights
-            center = _vectors(weights, length)
-            if not link.slides:  # the vector from the pin to the centre is given
-                center |= _vectors([0j] * i + [weights[i]], number)
-            self._bodies.append((number(link.mass), number(link.inertia), spin, center))
-        # Weights and constant of each gap vector: of the loop, then of each added dyad.
-        self._closures = []
-        for closure, j in structure.closures:
-            around, fixed = _vectors(closure.weights, length), closure.fixed
-            if links[j].is_guided:
-                around[j] = Vector(number(-1.0), self._zero)
-                fixed -= links[j].origin
-            self._closures.append((around, Vector(length(fixed.real), length(fixed.imag))))
-        if isinstance(mechanism, (FourBar, InvertedSliderCrank)):  # the pivot is in doubles
+        self._bodies = [_body(links, i, number, length) for i in range(len(links))]
+        # The first closure is that of the loop, the others those of added dyads.
+        self._closures = [
+            _Closure(
+                _closure_weights(closure, links[j], j, number, length),
+                _closure_constant(closure, links[j], length),
+                _moving_guide(links, j, unit, length),
+            )
+            for closure, j in structure.closures
+        ]
+        if isinstance(mechanism, (FourBar, InvertedSliderCrank)):
+            # The structure has the components of the pivot in doubles.
             pivot = unit(mechanism.frame.angle) * -length(mechanism.frame.length)
-            self._closures[0] = self._closures[0][0], pivot
-        # Guides on moving links, by the number of the closure.
-        self._moving = {}
-        for i, (_, j) in enumerate(structure.closures):
-            last = links[j]
-            if last.slides and last.parent is not None:
-                origin = Vector(length(last.origin.real), length(last.origin.imag))
-                spin, angle = axes_of(links, last.parent)
-                self._moving[i] = _MovingGuide(j, origin, unit(angle or 0.0), spin)
+            self._closures[0] = self._closures[0]._replace(constant=pivot)
         axes = (axes_of(links, j) for j in range(len(links)))
         self._axes = [(spin, unit(angle or 0.0)) for spin, angle in axes]
+        # Coupler, third link and the links of added dyads.
         added = len(links) - 2 * len(structure.added)
         self._solved = 1, 2, *range(added, len(links))
-        self._links = links
         self._loads = _constants(tuple(mechanism.link_loads().values()), number)
 
     def gap(self, places: Sequence[Vector]) -> Row:
@@ -113,15 +132,16 @@ class Multibody:
         Returns:
             The components x and y of each gap vector, m.
         """
-        gaps = []
-        for weights, gap in self._closures:
-            for j, weight in weights.items():
-                slid = self._guides[j] * places[j].x if self.slides[j] else places[j]
-                gap = gap + turned(weight, slid)
-            gaps.append(gap)
-        for i, guide in self._moving.items():
-            gaps[i] -= self._arm(guide, places)
-        return [x for gap in gaps for x in gap]
+        components: Row = []
+        for closure in self._closures:
+            gap = closure.constant
+            for j, weight in closure.weights.items():
+                link = self._guides[j] * places[j].x if self.slides[j] else places[j]
+                gap = gap + turned(weight, link)
+            if closure.guide:
+                gap -= self._arm(closure.guide, places)
+            components += gap
+        return components
 
     def _arm(self, guide: _MovingGuide, places: Sequence[Vector]) -> Vector:
         """Returns the vector from the pin of a guide's link to that of the link that slides."""
@@ -134,22 +154,28 @@ class Multibody:
         return arm if guide.spin is None else turned(arm, places[guide.spin])
 
     def closure(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
-        """Returns the jacobian G of the gaps, as rows x and y of each, and G' q'."""
-        empty = Vector(self._zero, self._zero)
+        """Returns the jacobian G of the gaps, as rows x and y of each, and G' q'.
+
+        Args:
+            places: Unit vector of each link that turns, (position, 0) of each link that slides.
+            rates: Rates of all links, rad/s or m/s.
+        """
+        zero = Vector(self._zero, self._zero)
         rows: list[Row] = []
         biases: Row = []
-        for i, (weights, _) in enumerate(self._closures):
-            columns, bias = self._columns(weights, places, rates)
-            if guide := self._moving.get(i):
-                arm, last, j = self._arm(guide, places), guide.link, guide.spin
-                way = self._turned(guide, self._guides[last], places)
-                columns[last] = -way
-                if j is not None:
-                    columns[j] = columns.get(j, empty) - arm.left()
-                    twice = 2 * rates[last] * rates[j]
-                    bias = bias + arm * (rates[j] * rates[j]) - way.left() * twice
-            xy = zip(*(columns.get(j, empty) for j in range(len(rates))), strict=True)
-            rows += map(list, xy)
+        for closure in self._closures:
+            columns, bias = self._columns(closure.weights, places, rates)
+            if guide := closure.guide:
+                slider, spin = guide.link, guide.spin
+                direction = self._turned(guide, self._guides[slider], places)
+                columns[slider] = -direction
+                if spin is not None:  # the guide turns: centripetal and Coriolis acceleration
+                    arm = self._arm(guide, places)
+                    columns[spin] = columns.get(spin, zero) - arm.left()
+                    twice = 2 * rates[slider] * rates[spin]
+                    bias = bias + arm * (rates[spin] * rates[spin]) - direction.left() * twice
+            vectors = [columns.get(j, zero) for j in range(len(rates))]
+            rows += [[vector.x for vector in vectors], [vector.y for vector in vectors]]
             biases += bias
         return rows, biases
 
@@ -165,13 +191,15 @@ class Multibody:
             The rates of all links.
         """
         solved = self._solved
-        free = [self._zero if j in solved else rate for j, rate in enumerate(rates)]
-        closure, _ = self.closure(places, free)
+        known = [self._zero if j in solved else rate for j, rate in enumerate(rates)]
+        jacobian, _ = self.closure(places, known)
         right = [
-            x - sum(map(operator.mul, row, free)) for x, row in zip(opening, closure, strict=True)
+            x - sum(map(operator.mul, row, known))
+            for x, row in zip(opening, jacobian, strict=True)
         ]
-        found = iter(eliminate([[row[j] for j in solved] for row in closure], right))
-        return [next(found) if j in solved else rate for j, rate in enumerate(free)]
+        solution = eliminate([[row[j] for j in solved] for row in jacobian], right)
+        unknown = dict(zip(solved, solution, strict=True))
+        return [unknown.get(j, rate) for j, rate in enumerate(known)]
 
     def system(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
         """Returns the matrix and the right-hand side of the equations, without a driving torque.
@@ -184,33 +212,32 @@ class Multibody:
             The rows of the matrix, and the right-hand side.
         """
         count = len(rates)
-        rows = [[self._zero] * count for _ in rates]
-        right = [self._zero] * count
-        for mass, inertia, spin, weights in self._bodies:
-            columns, bias = self._columns(weights, places, rates)
-            if spin is not None:
-                rows[spin][spin] += inertia
+        masses = [[self._zero] * count for _ in rates]
+        forces = [self._zero] * count
+        for body in self._bodies:
+            columns, bias = self._columns(body.center, places, rates)
+            if body.spin is not None:
+                masses[body.spin][body.spin] += body.inertia
             for j, one in columns.items():
-                right[j] += mass * dot(one, self._gravity - bias)
+                forces[j] += body.mass * dot(one, self._gravity - bias)
                 for k, other in columns.items():
-                    rows[j][k] += mass * dot(one, other)
+                    masses[j][k] += body.mass * dot(one, other)
         poses = [
             LinkPose(place.x, self._axis(j, places), (), ()) for j, place in enumerate(places)
         ]
         for load in self._loads:
             for wrench in load.wrenches(poses, rates):
                 for j, force in wrench.generalised(self._links, poses):
-                    right[j] += force
-        closure, rest_of_gap = self.closure(places, rates)
-        for j, row in enumerate(rows):
-            row += [rest[j] for rest in closure]
-        rows += [[*row, *[self._zero] * len(closure)] for row in closure]
-        return rows, [*right, *(-x for x in rest_of_gap)]
+                    forces[j] += force
+        jacobian, gap_biases = self.closure(places, rates)
+        upper = [[*row, *(of_gap[j] for of_gap in jacobian)] for j, row in enumerate(masses)]
+        lower = [[*of_gap, *[self._zero] * len(jacobian)] for of_gap in jacobian]
+        return [*upper, *lower], [*forces, *(-bias for bias in gap_biases)]
 
     def _axis(self, j: int, places: Sequence[Vector]) -> Vector:
         """Returns the direction of a link, or of its guide."""
-        spin, way = self._axes[j]
-        return way if spin is None else turned(way, places[spin])
+        spin, direction = self._axes[j]
+        return direction if spin is None else turned(direction, places[spin])
 
     def _columns(
         self, weights: Mapping[int, Vector], places: Sequence[Vector], rates: Row
@@ -224,6 +251,51 @@ class Multibody:
                 arm = turned(weight, places[j])
                 columns[j], bias = arm.left(), bias - arm * (rates[j] * rates[j])
         return columns, bias
+
+
+def _body(
+    links: Sequence[Link], i: int, number: Callable[[float], Any], length: Callable[[float], Any]
+) -> _Body:
+    """Returns the mass of a link; see `Multibody`."""
+    link = links[i]
+    weights = (0j,) * i + (1 + 0j,) if link.is_guided else link.center.weights
+    center = _vectors(weights, length)
+    if not link.slides:  # the vector from the pin to the centre is given
+        center |= _vectors([0j] * i + [weights[i]], number)
+    spin = i if link.is_guided else spin_of(links, i)
+    return _Body(number(link.mass), number(link.inertia), spin, center)
+
+
+def _closure_weights(
+    closure: Point,
+    last: Link,
+    j: int,
+    number: Callable[[float], Any],
+    length: Callable[[float], Any],
+) -> dict[int, Vector]:
+    """Returns the vectors of a gap, of which that of the last link, j, may be its position."""
+    weights = _vectors(closure.weights, length)
+    if last.is_guided:
+        weights[j] = Vector(number(-1.0), number(0.0))
+    return weights
+
+
+def _closure_constant(closure: Point, last: Link, length: Callable[[float], Any]) -> Vector:
+    """Returns the part of a gap that does not move."""
+    fixed = closure.fixed - last.origin if last.is_guided else closure.fixed
+    return Vector(length(fixed.real), length(fixed.imag))
+
+
+def _moving_guide(
+    links: Sequence[Link], j: int, unit: Callable[[float], Vector], length: Callable[[float], Any]
+) -> _MovingGuide | None:
+    """Returns the guide of a link if it slides on a moving link, otherwise None."""
+    link = links[j]
+    if not link.slides or link.parent is None:
+        return None
+    origin = Vector(length(link.origin.real), length(link.origin.imag))
+    spin, angle = axes_of(links, link.parent)
+    return _MovingGuide(j, origin, unit(angle or 0.0), spin)
 
 
 def _constants(x: Any, number: Callable[[float], Any]) -> Any:
@@ -272,7 +344,8 @@ def eliminate(rows: list[Row], right: Row) -> Row:
             if row[i]:
                 factor = row[i] / table[i][i]
                 row[i:] = [x - factor * y for x, y in zip(row[i:], table[i][i:], strict=True)]
-    found: Row = []
+    unknowns: Row = []  # from row i + 1 on
     for i, (*row, value) in reversed(list(enumerate(table))):
-        found = [(value - sum(map(operator.mul, row[i + 1 :], found))) / row[i], *found]
-    return found
+        rest = value - sum(map(operator.mul, row[i + 1 :], unknowns))
+        unknowns = [rest / row[i], *unknowns]
+    return unknowns

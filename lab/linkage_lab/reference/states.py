@@ -9,6 +9,7 @@ At a change point the formulas are 0/0; the motion is smooth there, so the state
 states 1e-60 rad on either side.
 """
 
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -41,6 +42,16 @@ class _Position(NamedTuple):
     coupler: _Number
     output: _Number
     sine: _Number
+
+
+class _Axes(NamedTuple):
+    """Origin of a link, m, and its direction, a unit vector."""
+
+    origin: _Number
+    direction: _Number
+
+
+_Links: TypeAlias = dict[str, _Axes]  # by name
 
 
 def lengths(linkage: Linkage) -> tuple[float, float, float | None, float]:
@@ -177,11 +188,11 @@ class Reference:
 
     def _solve(self, crank: _Number, position: _Position) -> dict[str, tuple[_Number, ...]]:
         """Computes rates, accelerations and, by virtual power, the torque at a position."""
-        loop = position.coupler, position.output
-        numbers = [mp.expj(crank), *loop, *self._dyads(crank, *loop)]
+        dyads = self._dyads(crank, position)
+        numbers = [mp.expj(crank), position.coupler, position.output, *dyads]
         places = [_vector(number) for number in numbers]
         count, bodies = len(places), self._bodies
-        speed, change = map(mp.mpf, self._motion)
+        speed, acceleration = map(mp.mpf, self._motion)
         # The crank's rate is given, those of the other links follow. There are as many gaps of
         # loop and dyads, in x and y, as other links.
         unknown = [mp.mpf(0)] * (count - 1)
@@ -192,11 +203,8 @@ class Reference:
         matrix, right = bodies.system(places, rates)
         masses = [row[:count] for row in matrix[:count]]
         applied, bias = right[:count], right[count:]
-        accelerations = bodies.closed(places, [change, *unknown], bias)
-        inertial = [
-            sum(mass * acceleration for mass, acceleration in zip(row, accelerations, strict=True))
-            for row in masses
-        ]
+        accelerations = bodies.closed(places, [acceleration, *unknown], bias)
+        inertial = [sum(map(operator.mul, row, accelerations)) for row in masses]
         powers = (
             slope * (force - load)
             for slope, force, load in zip(slopes, inertial, applied, strict=True)
@@ -211,57 +219,74 @@ class Reference:
             'torque': (sum(powers),),
         }
 
-    def _dyads(self, crank: _Number, coupler: _Number, output: _Number) -> list[_Number]:
+    def _dyads(self, crank: _Number, position: _Position) -> list[_Number]:
         """Computes the unit vectors of the dyads' links, and the positions of their sliders.
 
         Raises:
             UnreachableError: A dyad does not close.
         """
-        mechanism, frame = self._mechanism, mp.expj(mp.mpf(self._mechanism.frame.angle))
+        frame = mp.expj(mp.mpf(self._mechanism.frame.angle))
         r, b, _, d = map(mp.convert, self._lengths)
         pin = r * mp.expj(crank)
-        # Origin and direction of each link, by name.
-        bodies = {
-            'frame': (mp.mpf(0), mp.mpf(1)), 'crank': (mp.mpf(0), mp.expj(crank)),
-            'coupler': (pin, coupler), 'rocker': (d * frame, output),
-            'slider': (pin + b * coupler, frame),
+        links = {
+            'frame': _Axes(mp.mpf(0), mp.mpf(1)), 'crank': _Axes(mp.mpf(0), mp.expj(crank)),
+            'coupler': _Axes(pin, position.coupler), 'rocker': _Axes(d * frame, position.output),
+            'slider': _Axes(pin + b * position.coupler, frame),
         }  # fmt: skip
-
-        def end(link: str, at: Sequence[float]) -> _Number:
-            origin, direction = bodies[link]
-            return origin + direction * mp.mpc(*map(self._length, at))
-
         found: list[_Number] = []
         dyad: Any  # its attributes depend on its kind
-        for dyad in mechanism.dyads:
-            start, name = end(dyad.from_, dyad.from_at), dyad.name
+        for dyad in self._mechanism.dyads:
             if dyad.barrel:
-                to, e = end(dyad.to, dyad.to_at or (0.0, 0.0)), self._length(dyad.offset)
-                place = self._root(abs(start - to) ** 2 - e**2, crank)
-                barrel = (start - to) / mp.mpc(place, e)
-                found += [barrel, mp.mpc(place)]
-                bodies |= {f'{name}_barrel': (to, barrel), f'{name}_rod': (start, barrel)}
-                continue
-            b, side = self._length(dyad.first.length), 1 if dyad.assembly == OPEN else -1
-            if dyad.slider:  # its path meets the circle about the first end
-                _, carrier = bodies[dyad.slider.on]
-                at = end(dyad.slider.on, dyad.slider.at)
-                guide = carrier * mp.expj(mp.mpf(dyad.slider.angle))
-                x, y = _vector((start - at) / guide)
-                place = mp.mpc(x + side * self._root(b**2 - y**2, crank))
-                joint = at + place * guide
-                found += [(joint - start) / b, place]
-                bodies[f'{name}_slider'] = joint, guide
-            else:  # the circles about both ends meet
-                to, c = end(dyad.to, dyad.to_at or (0.0, 0.0)), self._length(dyad.second.length)
-                square = abs(to - start) ** 2
-                along = (square + b**2 - c**2) / 2
-                across = side * self._root(b**2 * square - along**2, crank)
-                joint = start + (to - start) * mp.mpc(along, across) / square
-                found += [(joint - start) / b, (joint - to) / c]
-                bodies[f'{name}_second'] = to, found[-1]
-            bodies[f'{name}_first'] = start, found[-2]
+                found += self._barrel_and_rod(dyad, links, crank)
+            elif dyad.slider:
+                found += self._link_and_slider(dyad, links, crank)
+            else:
+                found += self._two_links(dyad, links, crank)
         return found
+
+    def _point(self, links: _Links, link: str, at: Sequence[float] | None) -> _Number:
+        """Returns a point of a link, by default its origin, m."""
+        origin, direction = links[link]
+        return origin + direction * mp.mpc(*map(self._length, at or (0.0, 0.0)))
+
+    def _barrel_and_rod(self, dyad: Any, links: _Links, crank: _Number) -> list[_Number]:
+        """Solves a barrel and the rod that slides in it; adds both to the links by name."""
+        rod_pin = self._point(links, dyad.from_, dyad.from_at)
+        pivot = self._point(links, dyad.to, dyad.to_at)
+        offset = self._length(dyad.offset)
+        place = self._root(abs(rod_pin - pivot) ** 2 - offset**2, crank)
+        barrel = (rod_pin - pivot) / mp.mpc(place, offset)
+        links[f'{dyad.name}_barrel'] = _Axes(pivot, barrel)
+        links[f'{dyad.name}_rod'] = _Axes(rod_pin, barrel)
+        return [barrel, mp.mpc(place)]
+
+    def _link_and_slider(self, dyad: Any, links: _Links, crank: _Number) -> list[_Number]:
+        """Intersects the circle of a link with the path of a slider; adds both to the links."""
+        start = self._point(links, dyad.from_, dyad.from_at)
+        length = self._length(dyad.first.length)
+        origin = self._point(links, dyad.slider.on, dyad.slider.at)
+        guide = links[dyad.slider.on].direction * mp.expj(mp.mpf(dyad.slider.angle))
+        x, y = _vector((start - origin) / guide)
+        place = mp.mpc(x + _side(dyad) * self._root(length**2 - y**2, crank))
+        joint = origin + place * guide
+        first = (joint - start) / length
+        links[f'{dyad.name}_first'] = _Axes(start, first)
+        links[f'{dyad.name}_slider'] = _Axes(joint, guide)
+        return [first, place]
+
+    def _two_links(self, dyad: Any, links: _Links, crank: _Number) -> list[_Number]:
+        """Intersects the circles of two links; adds both to the links by name."""
+        start = self._point(links, dyad.from_, dyad.from_at)
+        end = self._point(links, dyad.to, dyad.to_at)
+        b, c = self._length(dyad.first.length), self._length(dyad.second.length)
+        square = abs(end - start) ** 2
+        along = (square + b**2 - c**2) / 2
+        across = _side(dyad) * self._root(b**2 * square - along**2, crank)
+        joint = start + (end - start) * mp.mpc(along, across) / square
+        first, second = (joint - start) / b, (joint - end) / c
+        links[f'{dyad.name}_first'] = _Axes(start, first)
+        links[f'{dyad.name}_second'] = _Axes(end, second)
+        return [first, second]
 
     def _root(self, square: _Number, crank: _Number) -> _Number:
         """Returns a square root.
@@ -272,6 +297,10 @@ class Reference:
         if square < 0:
             raise UnreachableError('a dyad does not close', crank_angle=float(crank), arcs=())
         return mp.sqrt(square)
+
+
+def _side(dyad: Any) -> int:
+    return 1 if dyad.assembly == OPEN else -1
 
 
 def _unit(angle: _Number) -> Vector:
