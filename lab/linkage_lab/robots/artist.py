@@ -64,13 +64,13 @@ class Drawn(NamedTuple):
             UnreachableError: It does not close there.
         """
         links = mechanism.structure().links
-        places = _places(mechanism, position)
-        found = {}
+        positions = _positions(mechanism, position)
+        values = {}
         for i, link in enumerate(links):
             joint = self.joints[link.name]
-            move = _own(links, places, i, joint.parent) - joint.zero
-            found[joint.name] = joint.ratio * (move if link.slides else float(wrap(move))) + 0.0
-        return found
+            move = _own(links, positions, i, joint.parent) - joint.zero
+            values[joint.name] = joint.ratio * (move if link.slides else float(wrap(move))) + 0.0
+        return values
 
 
 class Artist:
@@ -106,21 +106,25 @@ class Artist:
 
     def _pins(self, taken: dict[str, None]) -> list[Pin]:
         """Returns the pins; joints of a body with a common axis are one."""
-        axes = [Pin('', step.joint, {step.near: step.places[0], step.far: step.places[1]})
-                for step in self.plane.steps if step.side]  # fmt: skip
-        axes += [Pin('', meeting.name, dict(zip(meeting.bodies, meeting.places, strict=True)))
-                 for meeting in self.plane.meetings]  # fmt: skip
-        found = list[Pin]()
-        for pin in axes:
-            merged = pin
-            for other in [*found]:
-                if self._is_same(merged, other):
-                    found.remove(other)
-                    merged = other._replace(places=other.places | merged.places)
-            found.append(merged)
-        order = [pin.joint for pin in axes]
-        found.sort(key=lambda pin: order.index(pin.joint))
-        return [pin._replace(name=_name(pin.joint, 'pin', taken)) for pin in found]
+        unmerged = [
+            Pin('', step.joint, {step.near: step.places[0], step.far: step.places[1]})
+            for step in self.plane.steps
+            if step.side
+        ]
+        for meeting in self.plane.meetings:
+            places = dict(zip(meeting.bodies, meeting.places, strict=True))
+            unmerged.append(Pin('', meeting.name, places))
+        pins = list[Pin]()
+        for joint_pin in unmerged:
+            merged = joint_pin  # with each of the pins that is the same
+            for pin in [*pins]:
+                if self._is_same(merged, pin):
+                    pins.remove(pin)
+                    merged = pin._replace(places=pin.places | merged.places)
+            pins.append(merged)
+        order = [pin.joint for pin in unmerged]
+        pins.sort(key=lambda pin: order.index(pin.joint))
+        return [pin._replace(name=_name(pin.joint, 'pin', taken)) for pin in pins]
 
     def _is_same(self, one: Pin, other: Pin) -> bool:
         """Returns whether two pins have one place on a body."""
@@ -179,12 +183,11 @@ class Artist:
         Raises:
             ConfigurationError: The drawing shows no mechanism.
         """
-        pose, lengths = self.plane.pose(closed), lengths or {}
-        sliding = (body for body, step in blocks.items() if step is self.driven)
-        driven = next(sliding, self.driven.far)
+        pose = self.plane.pose(closed)
+        driven_blocks = (body for body, step in blocks.items() if step is self.driven)
+        driven = next(driven_blocks, self.driven.far)
         places = {pin.name: self._place(pose, pin) for pin in self.pins}
         shift = places.get(origin, 0j)
-        places = {name: place - shift for name, place in places.items()}
         values: dict[str, Any] = {
             'mechanism': 'drawing',
             'gravity': _pair(self._in_plane(self.plane.gravity), math.hypot(*self.plane.gravity)),
@@ -192,23 +195,13 @@ class Artist:
             'drawing.frame': [x.name for x in self.pins if self.loops.frame in x.places],
         }
         for name, place in places.items():
-            values[f'drawing.pins.{name}'] = _pair(place, self.plane.size)
+            values[f'drawing.pins.{name}'] = _pair(place - shift, self.plane.size)
         for name, place in (moved or {}).items():
             values[f'drawing.pins.{name}'] = [place.real, place.imag]
         for body in self.loops.bodies[1:]:
-            name, step, (place, turn) = self.names[body], blocks.get(body), pose[body]
-            mass = self.plane.mass(body)
-            part: dict[str, Any] = {'pins': [x.name for x in self.pins if body in x.places]}
-            is_guided = step is not None and step.near == self.loops.frame
-            if step:
-                part['direction'] = _pair(pose[step.near][1] * step.way, 1.0)
-                part['on'] = self.names[step.near if body == step.far else step.far]
-            part['mass'] = mass.mass
-            if not is_guided:
-                part['inertia'] = mass.inertia
-            if mass.mass and not is_guided:
-                part['center'] = _pair(place + turn * mass.center - shift, self.plane.size)
-            if name in lengths:
+            name, step = self.names[body], blocks.get(body)
+            part = self._part(body, step, pose, shift)
+            if lengths and name in lengths:
                 part['length'] = lengths[name]
             group = f'drawing.{"slides" if step else "links"}.{name}'
             values |= {f'{group}.{word}': value for word, value in part.items()}
@@ -216,31 +209,52 @@ class Artist:
         joints = self._joints(mechanism, closed, pose)
         return Drawn(values, mechanism, joints, closed, blocks)
 
+    def _part(self, body: int, step: Step | None, pose: Pose, shift: complex) -> dict[str, Any]:
+        """Returns the parameters of a link or block by name, without those of its group.
+
+        Args:
+            body: Number of the body.
+            step: The joint that slides it if it is a block, otherwise None.
+            pose: The pose that is drawn.
+            shift: The place that becomes [0, 0], m.
+        """
+        mass = self.plane.mass(body)
+        part: dict[str, Any] = {'pins': [x.name for x in self.pins if body in x.places]}
+        if step:
+            part['direction'] = _pair(pose[step.near].turn * step.direction, 1.0)
+            part['on'] = self.names[step.near if body == step.far else step.far]
+        part['mass'] = mass.mass
+        is_guided = step is not None and step.near == self.loops.frame
+        if is_guided:  # it neither turns nor has a centre of mass beside its pin
+            return part
+        part['inertia'] = mass.inertia
+        if mass.mass:
+            part['center'] = _pair(pose[body].of(mass.center) - shift, self.plane.size)
+        return part
+
     def _in_plane(self, vector: Array) -> complex:
         return complex(self.plane.x @ vector, self.plane.y @ vector)
 
     def _place(self, pose: Pose, pin: Pin) -> complex:
         """Returns the place of a pin on the body of it that is nearest to the frame, m."""
         body = next(body for body in self.loops.bodies if body in pin.places)
-        place, turn = pose[body]
-        return place + turn * pin.places[body]
+        return pose[body].of(pin.places[body])
 
     def _joints(
         self, mechanism: Mechanism, closed: Mapping[str, float], pose: Pose
     ) -> dict[str, JointMap]:
         """Returns the robot's joint of each link: the one towards the frame."""
-        links, found = mechanism.structure().links, dict[str, JointMap]()
-        places = _places(mechanism, position_of(mechanism))
+        links, joints = mechanism.structure().links, dict[str, JointMap]()
+        positions = _positions(mechanism, position_of(mechanism))
         for step in self.plane.steps:
             if step.side:
                 (i, parent), ratio = self._turned_by(links, step), step.side
             else:
-                i, ratio = self._slid_by(links, step, places, pose)
-                parent = ''
-            zero = _own(links, places, i, parent) - closed[step.joint] / ratio
+                (i, ratio), parent = self._slid_by(links, step, positions, pose), ''
+            zero = _own(links, positions, i, parent) - closed[step.joint] / ratio
             zero = zero if links[i].slides else float(wrap(zero))
-            found[links[i].name] = JointMap(step.joint, tidy(zero, 1.0) + 0.0, ratio, parent)
-        return {link.name: found[link.name] for link in links}
+            joints[links[i].name] = JointMap(step.joint, tidy(zero, 1.0) + 0.0, ratio, parent)
+        return {link.name: joints[link.name] for link in links}
 
     def _turned_by(self, links: Sequence[Any], step: Step) -> tuple[int, str]:
         """Returns the index of the link that a joint turns, and the link that carries it."""
@@ -253,39 +267,42 @@ class Artist:
         return i, FRAME if is_at_rest else near
 
     def _slid_by(
-        self, links: Sequence[Any], step: Step, places: Sequence[float], pose: Pose
+        self, links: Sequence[Any], step: Step, positions: Sequence[float], pose: Pose
     ) -> tuple[int, float]:
         """Returns the index of the link that a joint slides, and 1.0, or -1.0 if it is reversed.
 
         It is the farther body, unless the mechanism slides the nearer one on it.
         """
         index: dict[str, int | None] = {link.name: i for i, link in enumerate(links)}
-        near, far = (index.get(self.names[body]) for body in (step.near, step.far))  # frame: None
-        i = cast('int', far)
-        is_far = links[i].slides and links[i].parent == near
-        i = i if is_far else cast('int', near)
-        spin, angle = axes_of(links, i)
-        guide = cmath.rect(1.0, (angle or 0.0) + (0.0 if spin is None else places[spin]))
-        along = (pose[step.near][1] * step.way * guide.conjugate()).real
-        return i, math.copysign(1.0, along if is_far else -along)
+        near = index.get(self.names[step.near])  # None for the frame
+        far = cast('int', index[self.names[step.far]])
+        slides_far = links[far].slides and links[far].parent == near
+        slider = far if slides_far else cast('int', near)
+        spin, angle = axes_of(links, slider)
+        guide = cmath.rect(1.0, (angle or 0.0) + (0.0 if spin is None else positions[spin]))
+        along = (pose[step.near].turn * step.direction * guide.conjugate()).real
+        return slider, math.copysign(1.0, along if slides_far else -along)
 
     def blocks(self) -> Iterator[dict[int, Step]]:
         """Yields the ways to call one body of each sliding joint the block, the other its guide.
 
         The conversion solves the guide first.
         """
-        fixed = {self.loops.frame, self.driven.far if self.driven.side else self.loops.frame}
-        pairs = [[x for x in (step.far, step.near) if x not in fixed] for step in self.slides]
-        for bodies in itertools.product(*pairs):
-            if len({*bodies}) == len(bodies):
+        never = {self.loops.frame}
+        if self.driven.side:  # the crank
+            never.add(self.driven.far)
+        choices = [[x for x in (step.far, step.near) if x not in never] for step in self.slides]
+        for bodies in itertools.product(*choices):
+            is_distinct = len({*bodies}) == len(bodies)
+            if is_distinct:
                 yield dict(zip(bodies, self.slides, strict=True))
 
     def frame_joint(self, origin: complex) -> dict[str, Any]:
         """Returns the parameters of the joint that turns the frame, if there is one."""
-        found, edge = self.plane.frame_joint(), self.loops.frame_joint
-        if found is None or edge is None:
+        pivot, edge = self.plane.frame_joint(), self.loops.frame_joint
+        if pivot is None or edge is None:
             return {}
-        place, side = found
+        place, side = pivot
         return {
             'frame_joint.name': edge.joint.name,
             'frame_joint.zero': 0.0,
@@ -303,7 +320,8 @@ class Artist:
             body, mass = step.far, self.plane.mass(step.far)
             pin = next(pin for pin in self.pins if body in pin.places)
             off = abs(mass.center - pin.places[body])
-            if step.near != self.loops.frame or not mass.mass or off <= _OFF_PIN:
+            is_guided = step.near == self.loops.frame
+            if not is_guided or not mass.mass or off <= _OFF_PIN:
                 continue
             where = f'the centre of mass of {self.names[body]} is {off:.4g} m from its pin'
             if self.loops.frame_joint:
@@ -319,7 +337,7 @@ def position_of(mechanism: Mechanism) -> float:
     return mechanism.drawn.position if mechanism.drawn else 0.0
 
 
-def _places(mechanism: Mechanism, position: float) -> list[float]:
+def _positions(mechanism: Mechanism, position: float) -> list[float]:
     """Returns the positions of the links, rad or m, at one of the driven link.
 
     Raises:
@@ -334,13 +352,13 @@ def point_of(mechanism: Mechanism, name: str) -> str:
     return dict(mechanism.drawn.points)[name] if mechanism.drawn else name
 
 
-def _own(links: Sequence[Any], places: Sequence[float], i: int, parent: str) -> float:
-    """Returns the value of a link's joint before it is mapped, rad or m."""
+def _own(links: Sequence[Any], positions: Sequence[float], i: int, parent: str) -> float:
+    """Returns the value `own` of a link's joint, rad or m; see `JointMap`."""
     if links[i].slides or parent == FRAME:
-        return places[i]
-    above = next(j for j, link in enumerate(links) if link.name == parent)
-    spin, guide = axes_of(links, above)
-    return places[i] - (0.0 if spin is None else places[spin]) - (guide or 0.0)
+        return positions[i]
+    carrier = next(j for j, link in enumerate(links) if link.name == parent)
+    spin, guide = axes_of(links, carrier)
+    return positions[i] - (0.0 if spin is None else positions[spin]) - (guide or 0.0)
 
 
 def _name(text: str, kind: str, taken: dict[str, None]) -> str:

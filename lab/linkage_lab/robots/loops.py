@@ -129,11 +129,11 @@ def find_loops(robot: Robot, request: Request) -> Loops:
     frame = _frame(tree, bodies, request.frame)
     driven = next(edge for edge in edges if edge.joint.name == request.crank)
     if driven.joint.kind == REVOLUTE and frame not in driven.ends:
-        own = [edge.joint.name for edge in edges if frame in edge.ends]
+        on_frame = [edge.joint.name for edge in edges if frame in edge.ends]
         raise ConfigurationError(
             f'--crank {request.crank}: it is not on the frame {tree.name(frame)}, which '
-            f'carries {" and ".join(own) or "no joint"}: drive one of them, or give --frame and a '
-            'link next to the crank'
+            f'carries {" and ".join(on_frame) or "no joint"}: drive one of them, or give --frame '
+            'and a link next to the crank'
         )
     return Loops(
         robot, tree, [closure for closure, _ in loops], _outward(edges, frame), frame, driven,
@@ -143,9 +143,15 @@ def find_loops(robot: Robot, request: Request) -> Loops:
 
 
 def _require_names(robot: Robot, request: Request) -> None:
-    names = Counter(joint.name for joint in robot.joints if joint.name)
-    if twice := next((name for name, times in names.items() if times > 1), ''):
-        raise ConfigurationError(f'two joints are named {shown(twice)}: rename one')
+    """Requires different names of joints, and known names in the request.
+
+    Raises:
+        ConfigurationError: Two joints have one name, or the model does not have a name.
+    """
+    counts = Counter(joint.name for joint in robot.joints if joint.name)
+    for name, count in counts.items():
+        if count > 1:
+            raise ConfigurationError(f'two joints are named {shown(name)}: rename one')
     movable = {joint.name: joint for joint in robot.joints if joint.name and joint.kind != FIXED}
     _require_known('--crank', [request.crank], movable, 'movable joint')
     _require_known('--at', request.at, movable, 'movable joint')
@@ -178,11 +184,11 @@ def _loops_of(
     if close:
         closures = _closures_between(close, closures)
     loops = [(closure, tree.edges_of_loop(closure)) for closure in closures]
-    found, rest = _connected(loops, crank)
-    if close and rest:
-        _refuse_loop(*rest[0], crank, is_only=not found)
-    if not found:
-        for closure, loop in rest:
+    connected, unconnected = _connected(loops, crank)
+    if close and unconnected:
+        _refuse_loop(*unconnected[0], crank, is_only=not connected)
+    if not connected:
+        for closure, loop in unconnected:
             joined = listed(edge.joint.name for edge in loop)
             others.append(f'{closure.name} closes a loop of {joined or "no joint"}')
         has = listed(others, '; ') or 'none'
@@ -190,7 +196,7 @@ def _loops_of(
             f'no closure in the model closes a loop with {crank} (constraints: {has}): give '
             '--close and two links whose origins coincide in the closed loop'
         )
-    return sorted(found, key=lambda loop: crank not in _joint_names(loop))
+    return sorted(connected, key=lambda loop: crank not in _joint_names(loop))  # its own first
 
 
 def _closures_of(robot: Robot, tree: Tree) -> tuple[list[Closure], list[str]]:
@@ -211,21 +217,21 @@ def _closures_between(
     pairs: Sequence[tuple[str, str]], closures: Sequence[Closure]
 ) -> list[Closure]:
     """Returns the closures between pairs of links; if there is none, their origins coincide."""
-    found, origin = list[Closure](), np.zeros(3)
+    chosen, origin = list[Closure](), np.zeros(3)
     for pair in pairs:
-        between = [closure for closure in closures if {*closure.links} == {*pair}]
-        found += between or [Closure(pair[0], pair, (origin, origin))]
-    return found
+        in_model = [closure for closure in closures if {*closure.links} == {*pair}]
+        chosen += in_model or [Closure(pair[0], pair, (origin, origin))]
+    return chosen
 
 
 def _connected(loops: Sequence[_Loop], crank: str) -> tuple[list[_Loop], list[_Loop]]:
     """Returns the loops that share joints with the crank's, also through others; and the rest."""
-    found, rest, joints = list[_Loop](), [*loops], {crank}
-    while more := [loop for loop in rest if joints & _joint_names(loop)]:
-        rest = [loop for loop in rest if not joints & _joint_names(loop)]
-        found += more
-        joints.update(*map(_joint_names, more))
-    return found, rest
+    connected, unconnected, joints = list[_Loop](), [*loops], {crank}
+    while added := [loop for loop in unconnected if joints & _joint_names(loop)]:
+        unconnected = [loop for loop in unconnected if not joints & _joint_names(loop)]
+        connected += added
+        joints.update(*map(_joint_names, added))
+    return connected, unconnected
 
 
 def _joint_names(loop: _Loop) -> set[str]:
@@ -266,14 +272,14 @@ def _frame(tree: Tree, bodies: Sequence[int], frame: str) -> int:
 
 def _outward(edges: Sequence[Edge], frame: int) -> list[Outward]:
     """Sorts the joints of loops from the frame on."""
-    found, known, waiting = list[Outward](), {frame}, [*edges]
+    outward, reached, waiting = list[Outward](), {frame}, [*edges]
     while waiting:
-        edge = next(edge for edge in waiting if known & {*edge.ends})
+        edge = next(edge for edge in waiting if reached & {*edge.ends})
         waiting = [other for other in waiting if other is not edge]
-        near, far = edge.ends if edge.ends[0] in known else edge.ends[::-1]
-        found.append(Outward(edge, near, far))
-        known.add(far)
-    return found
+        near, far = edge.ends if edge.ends[0] in reached else edge.ends[::-1]
+        outward.append(Outward(edge, near, far))
+        reached.add(far)
+    return outward
 
 
 def _turning(tree: Tree, loop: _Loop, frame: int, driven: Edge) -> Edge:
@@ -289,8 +295,8 @@ def _turning(tree: Tree, loop: _Loop, frame: int, driven: Edge) -> Edge:
     closure, edges = loop
     path = tree.path(*(tree.home[link] for link in closure.links))
     start = path.index(frame) if frame in path else 0
-    around = [*edges, None]  # the closure
-    around = around[start:] + around[:start]
+    from_end: list[Edge | None] = [*edges, None]  # None for the closure, between end and start
+    around = from_end[start:] + from_end[:start]  # from the frame on
     if around.index(driven) < len(around) / 2:
         around.reverse()
     turning = [edge for edge in around if edge and edge.joint.kind == REVOLUTE]
@@ -308,12 +314,12 @@ def _frame_joint(tree: Tree, bodies: Sequence[int], frame: int, world: str) -> E
         ConfigurationError: There is not exactly one joint between them, or it does not turn.
     """
     name, home = tree.name(frame), tree.home[world]
-    way = tree.path(frame, home)
-    if not way:
+    path = tree.path(frame, home)
+    if not path:
         raise ConfigurationError(f'--world {world}: no joint connects it to the frame {name}')
-    edges = tree.edges_along(way)
+    edges = tree.edges_along(path)
     names = listed(edge.joint.name or 'a joint without a name' for edge in edges)
-    if {*way[1:]} & {*bodies}:
+    if {*path[1:]} & {*bodies}:
         problem = 'the loop itself is between them'
     elif not edges:
         problem = 'it is fixed to the frame, which is then at rest; leave --world out'

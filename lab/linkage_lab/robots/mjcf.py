@@ -135,22 +135,33 @@ def _require_limits(path: Path) -> set[Path]:
     counts = Counter[str]()
     while waiting:
         for element, times in _weighted(read_xml(waiting.pop())):
-            counts['bodies'] += times * (element.tag == 'body')
+            counts['bodies'] += times if element.tag == 'body' else 0
             counts['elements'] += times
             counts['points of height fields'] += times * _points(element)
             _require_counts(counts)
             _require_numbers(element)
             if element.tag == 'compiler':
                 folders |= {path.parent / element.get(name, '') for name in _FOLDERS}
-            name = element.get('file', '')
-            # The compiler may search for a file in any of these folders.
-            for file in (folder / name for folder in sorted(folders)):
-                if name and file.exists() and not file.is_file():
-                    raise ConfigurationError(f'{file} is not a regular file')
-                if element.tag in {'include', 'model'} and file not in seen and file.is_file():
+            for file in _files(element, folders):
+                if element.tag in {'include', 'model'} and file not in seen:
                     seen.add(file)
                     waiting.append(file)
     return folders
+
+
+def _files(element: ET.Element, folders: Iterable[Path]) -> list[Path]:
+    """Returns the existing files that an element may name, one in each folder at most.
+
+    Raises:
+        ConfigurationError: One is not a regular file.
+    """
+    name = element.get('file', '')
+    files = [folder / name for folder in sorted(folders)] if name else []
+    existing = [file for file in files if file.exists()]
+    for file in existing:
+        if not file.is_file():
+            raise ConfigurationError(f'{file} is not a regular file')
+    return existing
 
 
 def _require_counts(counts: Mapping[str, int]) -> None:
@@ -196,6 +207,14 @@ def _weighted(root: ET.Element) -> Iterator[tuple[ET.Element, int]]:
             times *= int(number) if _COUNT.fullmatch(number) else 1
         yield element, times
         waiting += [(child, times) for child in element]
+
+
+def _frames(kind: str, data: Any) -> tuple[Transform, Transform]:
+    """Returns the frames in two bodies that a connect or weld makes coincide."""
+    if kind == 'connect':
+        return Transform(np.eye(3), data[:3]), Transform(np.eye(3), data[3:6])
+    # MuJoCo stores the point of the second body first.
+    return Transform(from_quaternion(*data[6:10]), data[3:6]), Transform(np.eye(3), data[:3])
 
 
 class _Reader:
@@ -289,13 +308,12 @@ class _Reader:
         if number:
             first = int(body.jntadr[0])
             joints = [self.model.joint(first + i) for i in range(int(body.jntnum[0]))]
+            between = [f'{name}, before {joint.name}' for joint in joints[1:]]
             parent = self.bodies[int(body.parentid[0])]
             pose = Transform(from_quaternion(*body.quat), body.pos)
             if not joints:
                 self.joints.append(Joint('', FIXED, parent, name, pose))
-            for index, joint in enumerate(joints):
-                is_last = index == len(joints) - 1
-                child = name if is_last else f'{name}, before {joints[index + 1].name}'
+            for joint, child in zip(joints, [*between, name], strict=False):
                 self._take_joint(joint, parent, child, pose)
                 self.links.setdefault(child, None)
                 parent, pose = child, IDENTITY
@@ -344,21 +362,17 @@ class _Reader:
             others.append(f'{name} is not a closure')
             self._leave_out_equality(kind, objects, f'constraint {name}')
             return
-        is_site = model.eq_objtype[number] == mujoco.mjtObj.mjOBJ_SITE
-        known = self.sites if is_site else self.bodies
-        first, second = (known[i] for i in objects)
-        at_first, at_second, turn = np.zeros(3), np.zeros(3), np.eye(3)
-        if not is_site:
-            data = equality.data.copy()
-            if kind == 'connect':
-                at_first, at_second = data[:3], data[3:6]
-            else:  # MuJoCo stores the point of the second body first
-                at_second, at_first, turn = data[:3], data[3:6], from_quaternion(*data[6:10])
+        is_of_sites = model.eq_objtype[number] == mujoco.mjtObj.mjOBJ_SITE
+        names = self.sites if is_of_sites else self.bodies
+        first, second = (names[i] for i in objects)
+        in_first, in_second = IDENTITY, IDENTITY  # the frames that coincide; origins of sites
+        if not is_of_sites:
+            in_first, in_second = _frames(kind, equality.data.copy())
         if kind == 'connect':
-            closures.append(Closure(name, (first, second), (at_first, at_second)))
+            points = in_first.place, in_second.place
+            closures.append(Closure(name, (first, second), points))
         else:
-            pose, inside = Transform(turn, at_first), Transform(np.eye(3), at_second)
-            self.joints.append(Joint('', FIXED, first, second, pose, inside))
+            self.joints.append(Joint('', FIXED, first, second, in_first, in_second))
 
     def _leave_out_equality(self, kind: str, objects: list[int], text: str) -> None:
         """Notes a constraint that is left out at its joints or tendons."""

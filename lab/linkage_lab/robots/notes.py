@@ -49,9 +49,9 @@ def _simplified(loops: Loops, plane: Plane) -> Iterator[str]:
     robot = loops.robot
     yield from robot.notes
     left_out = {joint.name: joint.left_out for joint in robot.joints}
-    names = [step.joint for step in plane.steps]
-    closing = [x.joint for x in loops.closures if x.joint]
-    for name in (*names, *closing):
+    moving = [step.joint for step in plane.steps]
+    closing = [closure.joint for closure in loops.closures if closure.joint]
+    for name in (*moving, *closing):
         if text := left_out.get(name):
             yield f'{name}: {text}: left out'
     for name in closing:
@@ -68,32 +68,51 @@ def _mimics(loops: Loops, joints: Mapping[str, JointMap]) -> Iterator[str]:
         joint = outward.edge.joint
         if not joint.mimics:
             continue
-        other, multiplier, offset = joint.mimics
-        cure = 'the loop determines its value'
         if outward.edge is loops.driven:
-            cure = 'it must be measured itself'
-            link, own = next(x for x in joints.items() if x[1].name == joint.name)
-            if multiplier:
-                zero = json.dumps(float(own.zero + offset / own.ratio))
-                cure = (
-                    f'if only {other} is measured, give joints.{link} name: '
-                    f'{json.dumps(other)}, zero: {zero}, ratio: {own.ratio / multiplier!r}'
-                )
+            cure = _measured_by_other(joint.name, *joint.mimics, joints)
+        else:
+            cure = 'the loop determines its value'
         yield f'{joint.name}: <mimic> is ignored; {cure}'
+
+
+def _measured_by_other(
+    name: str, other: str, multiplier: float, offset: float, joints: Mapping[str, JointMap]
+) -> str:
+    """Describes how to measure a joint by another one that it follows.
+
+    Args:
+        name: Name of the joint, whose value is multiplier x other + offset.
+        other: Name of the other joint.
+        multiplier: See above.
+        offset: See above.
+        joints: The robot's joint of each link.
+    """
+    if not multiplier:
+        return 'it must be measured itself'
+    link, joint_map = next((link, x) for link, x in joints.items() if x.name == name)
+    zero = json.dumps(float(joint_map.zero + offset / joint_map.ratio))
+    return (
+        f'if only {other} is measured, give joints.{link} name: '
+        f'{json.dumps(other)}, zero: {zero}, ratio: {joint_map.ratio / multiplier!r}'
+    )
 
 
 def _beside(loops: Loops, names: Mapping[int, str]) -> Iterator[str]:
     """Yields the joints that are in no loop, and the links without mass."""
-    tree, inside = loops.tree, [id(joint.edge) for joint in loops.joints]
+    tree = loops.tree
+    in_loops = [id(joint.edge) for joint in loops.joints]  # arrays in joints cannot be compared
     for body, name in names.items():
-        others = [edge for edge in tree.edges_of(body) if id(edge) not in inside]
+        others = [edge for edge in tree.edges_of(body) if id(edge) not in in_loops]
         if name == FRAME:
             above = {*tree.ancestors(body)[1:]}
-            others = [edge for edge in others if edge is not loops.frame_joint]
-            moving = [edge.joint.name for edge in others if {*edge.ends} & above]
-            if moving:
+            carrying = [
+                edge.joint.name
+                for edge in others
+                if edge is not loops.frame_joint and {*edge.ends} & above
+            ]
+            if carrying:
                 yield (
-                    f'the frame hangs on {", ".join(moving)}: it is taken as at rest, and '
+                    f'the frame hangs on {", ".join(carrying)}: it is taken as at rest, and '
                     'gravity is that of this pose; --world follows one joint in the plane'
                 )
             continue

@@ -7,6 +7,7 @@ pose of a body is then x -> place + turn x, with a turn of length 1.
 """
 
 import cmath
+import itertools
 import math
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -14,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from linkage_lab.robots.loops import Loops, Outward, gravity_of
-from linkage_lab.robots.model import PRISMATIC, Inertial, lumped
+from linkage_lab.robots.model import PRISMATIC, Closure, Inertial, lumped
 from linkage_lab.robots.tree import Edge
 from linkage_ros import ConfigurationError
 from linkage_ros.formulas import Array
@@ -57,7 +58,7 @@ class Step(NamedTuple):
         places: The joint in the coordinates of both, m.
         side: 1 if the far body turns counter-clockwise as the value increases, else -1; 0 for a
             joint that slides.
-        way: Direction in which the far body slides as the value increases, of length 1.
+        direction: Direction in which the far body slides as the value increases, of length 1.
     """
 
     joint: str
@@ -65,7 +66,7 @@ class Step(NamedTuple):
     far: int
     places: tuple[complex, complex]
     side: float
-    way: complex = 1.0 + 0j
+    direction: complex = 1.0 + 0j
 
 
 class Meeting(NamedTuple):
@@ -96,7 +97,23 @@ class FlatBody(NamedTuple):
     center: complex
 
 
-Pose = dict[int, tuple[complex, complex]]
+class Placement(NamedTuple):
+    """Where a body is: its point x is at place + turn x.
+
+    Attributes:
+        place: Origin of its coordinates, m.
+        turn: Direction of its first axis, of length 1.
+    """
+
+    place: complex
+    turn: complex
+
+    def of(self, point: complex) -> complex:
+        """Returns where a point of the body is, m."""
+        return self.place + self.turn * point
+
+
+Pose = dict[int, Placement]  # by number of the body
 
 
 class Plane:
@@ -133,79 +150,104 @@ class Plane:
         self._zero, posed = self.tree.poses(outside), self.tree.poses(values)
         turning = next(joint for joint in loops.joints if joint.edge is loops.turning)
         self._world_normal = self._axis(turning)
-        for joint in loops.joints:
-            if joint is not turning:
-                slides = joint.edge.joint.kind == PRISMATIC
-                self._require_axis(joint.edge.joint.name, self._axis(joint), slides=slides)
-        for closure in loops.closures:
-            if closure.axis is not None:
-                link = closure.links[0]
-                body = self.tree.home[link]
-                turn = self._zero[body].rotation @ self.tree.bodies[body].links[link].rotation
-                self._require_axis(closure.joint, turn @ closure.axis, slides=False)
-        if loops.frame_joint:
-            name = loops.frame_joint.joint.name
-            self._require_axis(name, self._own_axis(loops.frame_joint), slides=False)
-        turn = self._zero[loops.frame].rotation.T
-        self.normal = turn @ self._world_normal
+        self._require_planar(turning)
+        self.normal = self._zero[loops.frame].rotation.T @ self._world_normal
         self.gravity = posed[loops.frame].rotation.T @ gravity_of(loops.robot, up)
-        flat = [in_plane(axis, self.normal) for axis in np.eye(3)[[1, 0, 2]]]
-        ways = [way / length for way in flat if (length := math.hypot(*way)) > _SLANTED]
-        self.y = max(
-            (sign * way for way in ways for sign in (1.0, -1.0)),
-            key=lambda way: round(float(-self.gravity @ way), 6),
-        )
+        self.y = self._up()
         self.x = np.cross(self.y, self.normal)
         self.steps = [self._step(joint) for joint in loops.joints]
         self.meetings = self._meetings()
         self.fixed = self._fixed()
         self.size = self._size()
 
+    # ---------------------------------------------------------------- axes of the plane
+
+    def _require_planar(self, turning: Outward) -> None:
+        """Requires the axes of all joints to fit to that of one joint.
+
+        Raises:
+            ConfigurationError: The linkage is not planar.
+        """
+        for joint in self.loops.joints:
+            if joint is not turning:
+                slides = joint.edge.joint.kind == PRISMATIC
+                self._require_axis(joint.edge.joint.name, self._axis(joint), slides=slides)
+        for closure in self.loops.closures:
+            if closure.axis is not None:
+                link = closure.links[0]
+                body = self.tree.home[link]
+                turn = self._zero[body].rotation @ self.tree.bodies[body].links[link].rotation
+                self._require_axis(closure.joint, turn @ closure.axis, slides=False)
+        if self.loops.frame_joint:
+            name = self.loops.frame_joint.joint.name
+            self._require_axis(name, self._own_axis(self.loops.frame_joint), slides=False)
+
+    def _up(self) -> Array:
+        """Returns the axis of the frame, projected onto the plane, that points up the most."""
+        projections = [in_plane(axis, self.normal) for axis in np.eye(3)[[1, 0, 2]]]
+        axes = [x / length for x in projections if (length := math.hypot(*x)) > _SLANTED]
+        return max(
+            (sign * axis for axis in axes for sign in (1.0, -1.0)),
+            key=lambda axis: round(float(-self.gravity @ axis), 6),
+        )
+
     # ---------------------------------------------------------------- bodies and joints
 
     def _step(self, joint: Outward) -> Step:
+        """Projects a joint of the loops onto the plane."""
         (edge, near, far), axis = joint, self._axis(joint)
         frames = self.tree.frames(edge)
         places = self.flat(near, frames[near].place), self.flat(far, frames[far].place)
         if edge.joint.kind == PRISMATIC:
-            inside = self._zero[self.loops.frame].rotation.T @ axis
-            way = complex(self.x @ inside, self.y @ inside)
-            return Step(edge.joint.name, near, far, places, 0.0, way / abs(way))
+            in_frame = self._zero[self.loops.frame].rotation.T @ axis
+            direction = complex(self.x @ in_frame, self.y @ in_frame)
+            return Step(edge.joint.name, near, far, places, 0.0, direction / abs(direction))
         side = 1.0 if axis @ self._world_normal > 0 else -1.0
         return Step(edge.joint.name, near, far, places, side)
 
+    def _points(self, closure: Closure) -> list[tuple[int, Array]]:
+        """Returns the body of each link of a closure, and the point in its coordinates, m."""
+        points = list[tuple[int, Array]]()
+        for link, point in zip(closure.links, closure.points, strict=True):
+            body = self.tree.home[link]
+            points.append((body, self.tree.bodies[body].links[link].of(point)))
+        return points
+
     def _meetings(self) -> list[Meeting]:
-        found = []
+        """Projects the closures onto the plane."""
+        meetings = []
         for closure in self.loops.closures:
-            homes = [self.tree.home[link] for link in closure.links]
-            places = [
-                self.flat(home, self.tree.bodies[home].links[link].of(point))
-                for home, link, point in zip(homes, closure.links, closure.points, strict=True)
-            ]
-            name = closure.joint or closure.name
-            found.append(Meeting(name, (homes[0], homes[1]), (places[0], places[1])))
-        return found
+            (first, first_point), (second, second_point) = self._points(closure)
+            places = self.flat(first, first_point), self.flat(second, second_point)
+            meetings.append(Meeting(closure.joint or closure.name, (first, second), places))
+        return meetings
 
     def _fixed(self) -> dict[str, Array]:
-        frame, found = self.loops.frame, dict[str, Array]()
+        """Returns the place of each joint and closure of the frame in its axes, m, by name."""
+        frame, fixed = self.loops.frame, dict[str, Array]()
         for (edge, near, _), step in zip(self.loops.joints, self.steps, strict=True):
             if near == frame:
-                found[step.joint] = self.tree.frames(edge)[frame].place
+                fixed[step.joint] = self.tree.frames(edge)[frame].place
         for closure, meeting in zip(self.loops.closures, self.meetings, strict=True):
-            for link, point in zip(closure.links, closure.points, strict=True):
-                if self.tree.home[link] == frame:
-                    found[meeting.name] = self.tree.bodies[frame].links[link].of(point)
-        return found
+            for body, point in self._points(closure):
+                if body == frame:
+                    fixed[meeting.name] = point
+        return fixed
 
     def _size(self) -> float:
+        """Returns the largest distance of two joints or closures of a body, m."""
         places = dict[int, list[complex]]()
         for step in self.steps:
-            for body, place in zip((step.near, step.far), step.places, strict=True):
-                places.setdefault(body, []).append(place)
+            places.setdefault(step.near, []).append(step.places[0])
+            places.setdefault(step.far, []).append(step.places[1])
         for meeting in self.meetings:
             for body, place in zip(meeting.bodies, meeting.places, strict=True):
                 places.setdefault(body, []).append(place)
-        return max(abs(x - y) for row in places.values() for x in row for y in row)
+        return max(
+            abs(one - other)
+            for of_body in places.values()
+            for one, other in itertools.product(of_body, repeat=2)
+        )
 
     def _axis(self, joint: Outward) -> Array:
         """Returns the axis about or along which a joint moves the body farther from the frame."""
@@ -240,9 +282,9 @@ class Plane:
 
     def flat(self, body: int, vector: Array) -> complex:
         """Returns a vector of a body in the plane, with the joints of the loops at 0, x + iy."""
-        turn = self._zero[self.loops.frame].rotation.T @ self._zero[body].rotation
-        inside = turn @ vector
-        return complex(self.x @ inside, self.y @ inside)
+        frame_from_body = self._zero[self.loops.frame].rotation.T @ self._zero[body].rotation
+        in_frame = frame_from_body @ vector
+        return complex(self.x @ in_frame, self.y @ in_frame)
 
     def mass(self, body: int) -> FlatBody:
         """Returns the mass of a body.
@@ -266,10 +308,10 @@ class Plane:
                 )
             turned = pose.rotation @ inertial.inertia @ pose.rotation.T
             parts.append(Inertial(inertial.mass, pose.of(inertial.center), turned))
-        found = lumped(parts) or _MASSLESS
+        whole = lumped(parts) or _MASSLESS
         normal = self._zero[body].rotation.T @ self._world_normal
-        inertia = float(normal @ found.inertia @ normal)
-        return FlatBody(found.mass, inertia, self.flat(body, found.center))
+        inertia = float(normal @ whole.inertia @ normal)
+        return FlatBody(whole.mass, inertia, self.flat(body, whole.center))
 
     def frame_joint(self) -> tuple[complex, float] | None:
         """Returns the pin about which the frame turns, m, and the sign of its turn.
@@ -279,24 +321,26 @@ class Plane:
         edge, frame = self.loops.frame_joint, self.loops.frame
         if edge is None:
             return None
-        is_above, is_along = edge.ends[1] == frame, self._own_axis(edge) @ self._world_normal > 0
         place = self.flat(frame, self.tree.frames(edge)[frame].place)
-        return place, 1.0 if is_along == is_above else -1.0
+        # The axis is that about which the child turns.
+        is_child, is_along = edge.ends[1] == frame, self._own_axis(edge) @ self._world_normal > 0
+        return place, 1.0 if is_along == is_child else -1.0
 
     # ---------------------------------------------------------------- poses
 
     def pose(self, values: Mapping[str, float]) -> Pose:
         """Returns the pose of each body at joint values; the loops may be open."""
-        found: Pose = {self.loops.frame: (0j, 1 + 0j)}
+        pose: Pose = {self.loops.frame: Placement(0j, 1 + 0j)}
         for step in self.steps:
-            (place, turn), (near, far) = found[step.near], step.places
+            near, (at_near, at_far) = pose[step.near], step.places
             value = values.get(step.joint, 0.0)
             if step.side:
-                turned = turn * cmath.rect(1.0, step.side * value)
-                found[step.far] = place + turn * near - turned * far, turned
+                turned = near.turn * cmath.rect(1.0, step.side * value)
+                pose[step.far] = Placement(near.of(at_near) - turned * at_far, turned)
             else:
-                found[step.far] = place + turn * (near + value * step.way - far), turn
-        return found
+                origin = at_near + value * step.direction - at_far
+                pose[step.far] = Placement(near.of(origin), near.turn)
+        return pose
 
     def closed(self, values: Mapping[str, float]) -> dict[str, float] | None:
         """Closes the loops with the driven joint at its value, starting at joint values.
@@ -306,55 +350,59 @@ class Plane:
         """
         driven = self.loops.driven.joint.name
         free = [step for step in self.steps if step.joint != driven]
-        found = {step.joint: values.get(step.joint, 0.0) for step in self.steps}
+        current = {step.joint: values.get(step.joint, 0.0) for step in self.steps}
         scales = np.array([1.0 if step.side else self.size for step in free])
-        damping = 1e-3
-        gaps, slopes = self._gaps(found, free)
+        damping = 1e-3  # of the Levenberg-Marquardt method
+        gaps, slopes = self._gaps(current, free)
         for _ in range(_ROUNDS):
-            jacobian = slopes * scales
-            if (error := math.hypot(*gaps)) < _MET * self.size:
-                damping = 0.0  # a last step, to the limit of rounding errors
-            square = jacobian.T @ jacobian + damping * self.size**2 * np.eye(len(free))
-            move = (
-                np.linalg.solve(square, -jacobian.T @ gaps)
-                if damping
-                else np.linalg.lstsq(jacobian, -gaps, rcond=None)[0]
-            )
-            trial = dict(found)
+            jacobian, error = slopes * scales, math.hypot(*gaps)
+            is_last = error < _MET * self.size  # a last step, to the limit of rounding errors
+            if is_last:
+                move = np.linalg.lstsq(jacobian, -gaps, rcond=None)[0]
+            else:
+                square = jacobian.T @ jacobian + damping * self.size**2 * np.eye(len(free))
+                move = np.linalg.solve(square, -jacobian.T @ gaps)
+            trial = dict(current)
             for step, change in zip(free, move * scales, strict=True):
                 trial[step.joint] += float(change)
-            ahead = self._gaps(trial, free)
-            is_better = math.hypot(*ahead[0]) < error
+            trial_gaps, trial_slopes = self._gaps(trial, free)
+            is_better = math.hypot(*trial_gaps) < error
             if is_better:
-                found, (gaps, slopes) = trial, ahead
-            if not damping:
-                return found
+                current, gaps, slopes = trial, trial_gaps, trial_slopes
+            if is_last:
+                return current
             damping = damping / 10 if is_better else damping * 4
         return None
 
     def _gaps(self, values: Mapping[str, float], free: list[Step]) -> tuple[Array, Array]:
-        """Returns the distances of the ends of each closure, m, and their derivatives."""
+        """Returns the gaps of all closures, m, and their derivatives with respect to joint values.
+
+        Args:
+            values: Values of all joints.
+            free: The joints whose values change.
+
+        Returns:
+            The components x and y of each gap, shape (2 closures,); and their derivatives, shape
+            (2 closures, free joints).
+        """
         pose = self.pose(values)
-        carried: dict[int, set[str]] = {self.loops.frame: set()}
+        joints_before: dict[int, set[str]] = {self.loops.frame: set()}  # that move each body
         for step in self.steps:
-            carried[step.far] = carried[step.near] | {step.joint}
+            joints_before[step.far] = joints_before[step.near] | {step.joint}
         gaps, slopes = list[complex](), list[list[complex]]()
         for meeting in self.meetings:
             ends = [
-                pose[body][0] + pose[body][1] * place
+                pose[body].of(place)
                 for body, place in zip(meeting.bodies, meeting.places, strict=True)
             ]
             gaps.append(ends[0] - ends[1])
             row = []
             for step in free:
-                place, turn = pose[step.near]
-                pivot = place + turn * step.places[0]
-                moved = [
-                    0j if step.joint not in carried[body]
-                    else 1j * step.side * (end - pivot) if step.side else turn * step.way
+                first, second = (
+                    _velocity(step, pose, end) if step.joint in joints_before[body] else 0j
                     for body, end in zip(meeting.bodies, ends, strict=True)
-                ]  # fmt: skip
-                row.append(moved[0] - moved[1])
+                )
+                row.append(first - second)
             slopes.append(row)
         flat = np.array([part for gap in gaps for part in (gap.real, gap.imag)])
         rows = np.array(slopes).reshape(len(gaps), len(free))
@@ -369,18 +417,15 @@ class Plane:
         Returns:
             The distance in the plane, and along its normal, m.
         """
-        poses, found = self.tree.poses(values), (0.0, 0.0)
+        poses = self.tree.poses(values)
         normal = poses[self.loops.frame].rotation @ self.normal
+        inside, across = 0.0, 0.0
         for closure in self.loops.closures:
-            first, second = (
-                poses[home].of(self.tree.bodies[home].links[link].of(point))
-                for link, point in zip(closure.links, closure.points, strict=True)
-                for home in [self.tree.home[link]]
-            )
+            first, second = (poses[body].of(point) for body, point in self._points(closure))
             between = second - first
-            across = abs(float(between @ normal))
-            found = max(found[0], math.hypot(*in_plane(between, normal))), max(found[1], across)
-        return found
+            inside = max(inside, math.hypot(*in_plane(between, normal)))
+            across = max(across, abs(float(between @ normal)))
+        return inside, across
 
     def reach_of_joints(self) -> float:
         """Returns the sum of the distances between joints and their bodies' origins, m."""
@@ -390,9 +435,17 @@ class Plane:
             for frame in self.tree.frames(joint.edge).values()
         ]
         for closure in self.loops.closures:
-            for link, point in zip(closure.links, closure.points, strict=True):
-                places.append(self.tree.bodies[self.tree.home[link]].links[link].of(point))
+            places += [point for _, point in self._points(closure)]
         return math.fsum(math.hypot(*place) for place in places)
+
+
+def _velocity(step: Step, pose: Pose, point: complex) -> complex:
+    """Returns the velocity of a point that a joint moves, per rate of the joint, m or m/rad."""
+    near = pose[step.near]
+    if not step.side:
+        return near.turn * step.direction
+    pivot = near.of(step.places[0])
+    return 1j * step.side * (point - pivot)
 
 
 def in_plane(vector: Array, normal: Array) -> Array:

@@ -36,7 +36,6 @@ _CLOSED = 1e-6  # largest distance of the ends of a closed loop, relative to the
 _ALIKE = 1e-9  # rad, difference between two assemblies that cannot be told apart
 _ONE = 1e-6  # rad or m, largest difference of assemblies that meet
 _TRIALS = 12  # values of the driven joint, at which the loops may close if they do not as given
-_ENDS = ('A0', 'A'), ('A', 'B'), ('B0', 'B'), ('A0', 'B0')  # of the links of a loop, frame last
 _MOST = 8  # parts of which all assemblies are compared
 _TURNED = 4  # links on which others slide, of which both directions are tried
 _AWAY = 0.05  # rad, or of the longest link: where a drawn linkage is compared with the robot
@@ -146,18 +145,20 @@ class _Poser:
         Raises:
             ConfigurationError: They do not close, or are no mechanism.
         """
-        crank, whole = self.driven.joint, math.pi if self.driven.side else self.size
-        moves = (sign * whole * k / _TRIALS for k in range(1, _TRIALS + 1) for sign in (1, -1))
+        crank, largest = self.driven.joint, math.pi if self.driven.side else self.size
+        given = self.values.get(crank, 0.0)
+        moves = (sign * largest * k / _TRIALS for k in range(1, _TRIALS + 1) for sign in (1, -1))
         refusals = list[ConfigurationError]()
         for move in (0.0, *moves):
-            found = [*self._drawn_at(self.values.get(crank, 0.0) + move, refusals)]
-            if found:
-                return next((drawn for drawn in found if self._is_on_side(drawn)), found[0])
+            drawings = [*self._drawn_at(given + move, refusals)]
+            if drawings:
+                on_side = (drawn for drawn in drawings if self._is_on_side(drawn))
+                return next(on_side, drawings[0])
         if refusals:
             raise refusals[0]
         gap, _ = self.plane.apart(self.values)
         raise ConfigurationError(
-            f'the loop cannot close with {crank} at {self.values.get(crank, 0.0):g}, nor at other '
+            f'the loop cannot close with {crank} at {given:g}, nor at other '
             f'values: the ends are {gap:.4g} m apart; give --at and the values of another pose'
         )
 
@@ -166,20 +167,17 @@ class _Poser:
 
         There may be one for each side to which links reach that slide on others.
         """
-        own = {step.far: step.joint for step in self.plane.steps if step.side}
-        joints = [*dict.fromkeys(own[x.near] for x in self.artist.slides if x.near in own)][
-            :_TURNED
-        ]
-        for some in itertools.product((0.0, math.pi), repeat=len(joints)):
-            turned = {
-                joint: self.values.get(joint, 0.0) + move
-                for joint, move in zip(joints, some, strict=True)
-            }
-            start = {**self.values, **turned, self.driven.joint: value}
-            closed = self.plane.closed(start) or {}
-            trials = (self._tried(closed, x, refusals) for x in self.artist.blocks() if closed)
-            if drawn := next((drawn for drawn in trials if drawn), None):
-                yield drawn
+        turning = {step.far: step.joint for step in self.plane.steps if step.side}
+        carriers = [slide.near for slide in self.artist.slides if slide.near in turning]
+        joints = [*dict.fromkeys(turning[carrier] for carrier in carriers)][:_TURNED]
+        for half_turns in itertools.product((0.0, math.pi), repeat=len(joints)):
+            start = {**self.values}
+            for joint, half_turn in zip(joints, half_turns, strict=True):
+                start[joint] = self.values.get(joint, 0.0) + half_turn
+            start[self.driven.joint] = value
+            if closed := self.plane.closed(start):
+                trials = (self._tried(closed, x, refusals) for x in self.artist.blocks())
+                yield from itertools.islice(filter(None, trials), 1)
 
     def _tried(
         self,
@@ -210,41 +208,59 @@ class _Poser:
             ConfigurationError: The loops cannot close at the driven joint's value, or two
                 assemblies are equally near.
         """
-        joints, crank = sample.joints, self.driven.joint
-        link = next(link for link, joint in joints.items() if joint.name == crank)
-        given = self.values.get(crank, 0.0)
-        own = joints[link].zero + given / joints[link].ratio
-        found = list[tuple[float, dict[str, float]]]()
-        for mechanism in _assemblies(sample.mechanism):
-            with suppress(UnreachableError):
-                closed = {**sample.values_at(mechanism, own), crank: given}
-                found.append((math.fsum(map(abs, self._moves(closed, self.values))), closed))
-        if not found:
-            raise self._unreachable(sample, joints[link], own)
-        found.sort(key=lambda one: one[0])
-        (away, closed), *others = found
-        for other, pose in others:
-            if other - away >= _ALIKE:
-                continue
-            if max(map(abs, self._moves(closed, pose))) < _ONE:
-                raise ConfigurationError(
-                    f'at {crank} {given:g} all links are in line, and both assemblies meet: give '
-                    f'--at {crank}=VALUE, another value'
-                )
-            passive = [step.joint for step in self.plane.steps if step is not self.driven]
-            raise ConfigurationError(
-                'both assemblies are equally far from this pose: give --at and a value of '
-                f'{" or ".join(passive)} in the wanted assembly'
-            )
-        closed = self.plane.closed(closed) or closed
-        closed = {joint: tidy(value, 1.0) for joint, value in closed.items()} | {crank: given}
+        crank = self.driven.joint
+        nearest = self._nearest_assembly(sample)
+        values = self.plane.closed(nearest) or nearest
+        closed = {joint: tidy(value, 1.0) for joint, value in values.items()}
+        closed[crank] = self.values.get(crank, 0.0)
         try:
             drawn = self.artist.draw(closed, sample.blocks)
             origin = point_of(drawn.mechanism, 'A0')
             drawn = self.artist.draw(closed, sample.blocks, origin)
-            return self.artist.draw(closed, sample.blocks, origin, *self._exact(drawn))
+            lengths, moved = self._exact(drawn)
+            return self.artist.draw(closed, sample.blocks, origin, lengths, moved)
         except ConfigurationError as error:
             raise ConfigurationError(f'{error}: give --at {crank}=VALUE, another value') from error
+
+    def _nearest_assembly(self, sample: Drawn) -> dict[str, float]:
+        """Returns the closed joint values of the assembly that is nearest to the pose.
+
+        Raises:
+            ConfigurationError: See `_in_assembly`.
+        """
+        joints, crank = sample.joints, self.driven.joint
+        link = next(link for link, joint in joints.items() if joint.name == crank)
+        given = self.values.get(crank, 0.0)
+        own = joints[link].zero + given / joints[link].ratio
+        closed = list[tuple[float, dict[str, float]]]()  # distance from the pose, joint values
+        for mechanism in _assemblies(sample.mechanism):
+            with suppress(UnreachableError):
+                values = {**sample.values_at(mechanism, own), crank: given}
+                distance = math.fsum(map(abs, self._moves(values, self.values)))
+                closed.append((distance, values))
+        if not closed:
+            raise self._unreachable(sample, joints[link], own)
+        (distance, nearest), *others = sorted(closed, key=lambda one: one[0])
+        for other_distance, other in others:
+            if other_distance - distance < _ALIKE:
+                raise self._ambiguous(nearest, other)
+        return nearest
+
+    def _ambiguous(
+        self, values: Mapping[str, float], others: Mapping[str, float]
+    ) -> ConfigurationError:
+        """Describes that two assemblies are equally near, given their joint values."""
+        crank = self.driven.joint
+        if max(map(abs, self._moves(values, others))) < _ONE:
+            return ConfigurationError(
+                f'at {crank} {self.values.get(crank, 0.0):g} all links are in line, and both '
+                f'assemblies meet: give --at {crank}=VALUE, another value'
+            )
+        passive = [step.joint for step in self.plane.steps if step is not self.driven]
+        return ConfigurationError(
+            'both assemblies are equally far from this pose: give --at and a value of '
+            f'{" or ".join(passive)} in the wanted assembly'
+        )
 
     def _moves(self, values: Mapping[str, float], others: Mapping[str, float]) -> Iterator[float]:
         """Yields the differences of joint values, rad or relative to the size."""
@@ -253,20 +269,26 @@ class _Poser:
             yield float(wrap(move)) if step.side else move / self.size
 
     def _unreachable(self, sample: Drawn, joint: JointMap, own: float) -> ConfigurationError:
-        """Describes where the loops close."""
+        """Describes where the loops close.
+
+        Args:
+            sample: A drawing of the loops.
+            joint: The driven joint.
+            own: The value of its link at which the loops do not close; see `JointMap`.
+        """
         given = self.values.get(joint.name, 0.0)
         reach = reach_of(sample.mechanism)
-        turn = 0.0 if reach is None or reach.slides else math.tau
-        arcs = reach.arcs if reach else ()
-        turns = [turn and turn * round((own - sum(arc) / 2) / turn) for arc in arcs]
-        reached = ' or '.join(
-            ' to '.join(f'{(x + turn - joint.zero) * joint.ratio:.6g}' for x in arc)
-            for arc, turn in zip(arcs, turns, strict=True)
-        )
-        unit = 'rad, plus whole turns' if turn else 'm'
+        is_angle = reach is not None and not reach.slides
+        ranges = list[str]()
+        for start, end in reach.arcs if reach else ():
+            # The arc in the turn that is nearest to the value.
+            shift = math.tau * round((own - (start + end) / 2) / math.tau) if is_angle else 0.0
+            low, high = ((x + shift - joint.zero) * joint.ratio for x in (start, end))
+            ranges.append(f'{low:.6g} to {high:.6g}')
+        unit = 'rad, plus whole turns' if is_angle else 'm'
         return ConfigurationError(
-            f'the loop cannot close with {joint.name} at {given:g}: it can from {reached} {unit}; '
-            f'give --at {joint.name}=VALUE'
+            f'the loop cannot close with {joint.name} at {given:g}: it can from '
+            f'{" or ".join(ranges)} {unit}; give --at {joint.name}=VALUE'
         )
 
     def _exact(self, drawn: Drawn) -> tuple[dict[str, float], dict[str, complex]]:
@@ -276,7 +298,7 @@ class _Poser:
 
         Returns:
             The lengths of the loop's links by name, m, and the place of its last pin: the
-            rocker's fixed one, or that of the slider.
+            rocker's fixed one, or that of the slider. Both are empty without a change point.
         """
         mechanism = drawn.mechanism
         if not isinstance(mechanism, FourBar | SliderCrank) or mechanism.drawn is None:
@@ -284,27 +306,29 @@ class _Poser:
         places = {pin.name: pin.places for pin in self.artist.pins}
         pins = {own: places[name] for own, name in mechanism.drawn.points}
         bodies = {name: body for body, name in self.artist.names.items()}
-        *_, last = mechanism.drawn.links
-        ends = dict(zip((*mechanism.drawn.links, FRAME), _ENDS, strict=True))
-        if isinstance(mechanism, SliderCrank):
-            ends = {link: pair for link, pair in ends.items() if link not in {last, FRAME}}
-        lengths = {
-            link: to_digits(abs(pins[B][bodies[link]] - pins[A][bodies[link]]), self.size)
-            for link, (A, B) in ends.items()
-        }
-        parts = 'crank', 'coupler', 'rocker', 'frame'
+
+        def length(link: str, start: str, end: str) -> float:
+            body = bodies[link]
+            return to_digits(abs(pins[end][body] - pins[start][body]), self.size)
+
+        crank, coupler, last = mechanism.drawn.links
+        lengths = {crank: length(crank, 'A0', 'A'), coupler: length(coupler, 'A', 'B')}
         changes: dict[str, Any] = {
-            part: replace(getattr(mechanism, part), length=length)
-            for part, length in zip(parts, lengths.values(), strict=False)
+            'crank': replace(mechanism.crank, length=lengths[crank]),
+            'coupler': replace(mechanism.coupler, length=lengths[coupler]),
         }
         if isinstance(mechanism, SliderCrank):
             offset = to_digits(mechanism.slider.offset, self.size)
             changes['slider'] = replace(mechanism.slider, offset=offset)
-            way = complex(*drawn.values[f'drawing.slides.{last}.direction'])
+            direction = complex(*drawn.values[f'drawing.slides.{last}.direction'])
             pin = complex(*drawn.values[f'drawing.pins.{point_of(mechanism, "B")}'])
-            moved = {'B': complex((pin / way).real, offset / abs(way)) * way}
+            along = (pin / direction).real
+            moved = {'B': complex(along, offset / abs(direction)) * direction}
         else:
-            moved = {'B0': cmath.rect(lengths.pop(FRAME), mechanism.frame.angle)}
+            lengths[last], frame = length(last, 'B0', 'B'), length(FRAME, 'A0', 'B0')
+            changes['rocker'] = replace(mechanism.rocker, length=lengths[last])
+            changes['frame'] = replace(mechanism.frame, length=frame)
+            moved = {'B0': cmath.rect(frame, mechanism.frame.angle)}
         with suppress(LinkageError):
             if replace(mechanism, **changes).reach().has_change_point:
                 return lengths, {point_of(mechanism, own): x for own, x in moved.items()}
@@ -319,45 +343,48 @@ class _Poser:
         Raises:
             ConfigurationError: They do not meet, as nearly as parallel axes allow.
         """
-        start, found = position_of(drawn.mechanism), (0.0, 0.0)
+        drawn_position = position_of(drawn.mechanism)
         away = _AWAY if self.driven.side else _AWAY * self.size
         poses = [drawn.closed]
         for move in (away, -away):
             with suppress(UnreachableError):
-                poses.append(drawn.values_at(drawn.mechanism, start + move))
+                poses.append(drawn.values_at(drawn.mechanism, drawn_position + move))
+        # An axis that is not parallel moves what it carries, also along the normal.
+        tilts = sum(angle for _, angle in self.plane.tilts)
+        allowed = _CLOSED * self.size + tilts * self.plane.reach_of_joints()
+        largest_inside, largest_across = 0.0, 0.0
         for pose in poses:
-            apart = self.plane.apart({**self.values, **pose})
-            found = max(found[0], apart[0]), max(found[1], apart[1])
-            # An axis that is not parallel moves what it carries, also along the normal.
-            allowed = _CLOSED * self.size
-            allowed += sum(angle for _, angle in self.plane.tilts) * self.plane.reach_of_joints()
-            if apart[0] > allowed:
+            inside, across = self.plane.apart({**self.values, **pose})
+            largest_inside = max(largest_inside, inside)
+            largest_across = max(largest_across, across)
+            if inside > allowed:
                 values = ', '.join(f'{name} {value:.6g}' for name, value in pose.items())
                 raise ConfigurationError(
-                    f'the ends of the loop stay {apart[0]:.4g} m apart at {values}: must be at '
+                    f'the ends of the loop stay {inside:.4g} m apart at {values}: must be at '
                     f'most {allowed:.4g} m; give --at and the values of another pose'
                 )
-        return found
+        return largest_inside, largest_across
 
 
 def _assemblies(mechanism: Mechanism) -> Iterator[Mechanism]:
     """Yields a mechanism in each of its assemblies; of many dyads, with one changed at most."""
     parts: tuple[Any, ...] = (mechanism, *mechanism.dyads)
-    sides = list[list[Any]]()
+    choices = list[list[Any]]()  # each part in its own and, if it has one, its other assembly
     for part in parts:
-        sides.append([part])
+        choices.append([part])
         with suppress(ConfigurationError):  # some have one assembly
             other = CROSSED if part.assembly == OPEN else OPEN
-            sides[-1].append(replace(part, assembly=other))
-    for chosen in itertools.product(*sides) if len(parts) <= _MOST else _changed_once(sides):
+            choices[-1].append(replace(part, assembly=other))
+    has_few = len(parts) <= _MOST
+    for chosen in itertools.product(*choices) if has_few else _changed_once(choices):
         base, *dyads = chosen
         yield replace(base, dyads=tuple(dyads))
 
 
-def _changed_once(sides: list[list[Any]]) -> Iterator[list[Any]]:
+def _changed_once(choices: list[list[Any]]) -> Iterator[list[Any]]:
     """Yields the first of each list, and then all with one replaced by the second."""
-    first = [side[0] for side in sides]
+    first = [options[0] for options in choices]
     yield first
-    for i, side in enumerate(sides):
-        for other in side[1:]:
+    for i, options in enumerate(choices):
+        for other in options[1:]:
             yield [*first[:i], other, *first[i + 1 :]]

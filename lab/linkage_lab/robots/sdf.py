@@ -118,19 +118,20 @@ class _Reader:
         Raises:
             ConfigurationError: The frame is missing or refers to itself.
         """
-        way = dict[str, ET.Element]()
-        while name not in self.poses:
-            is_model = name in {'__model__', ''}  # its pose is in the world
-            part = self.model if is_model else self.parts.get(name)
-            if part is None or name in way:
+        unresolved = dict[str, ET.Element]()  # each relative to the next
+        base = name
+        while base not in self.poses:
+            is_model = base in {'__model__', ''}  # its pose is in the world
+            part = self.model if is_model else self.parts.get(base)
+            if part is None or base in unresolved:
                 fault = 'is missing' if part is None else 'refers to itself'
-                raise ConfigurationError(f'frame {shown(name)} {fault}')
-            way[name] = part
-            name = self._base(part)
-        found = self.poses[name]
-        for name, part in reversed(way.items()):
-            found = self.poses[name] = found.then(read_pose(part))
-        return found
+                raise ConfigurationError(f'frame {shown(base)} {fault}')
+            unresolved[base] = part
+            base = self._base(part)
+        pose = self.poses[base]
+        for part_name, part in reversed(unresolved.items()):
+            pose = self.poses[part_name] = pose.then(read_pose(part))
+        return pose
 
     def _base(self, part: ET.Element) -> str:
         """Returns the name of the frame to which the pose of an element is relative."""
@@ -182,23 +183,25 @@ def read_joint(
             raise ConfigurationError(
                 f'joint {shown(name)} names link {shown(link)}, which is missing'
             )
-    first, second = (poses[link].inverse().then(at) for link in (parent, child))
-    found = Joint(name, KINDS.get(kind, kind), parent, child, first, second)
+    in_parent, in_child = (poses[link].inverse().then(at) for link in (parent, child))
+    joint = Joint(name, KINDS.get(kind, kind), parent, child, in_parent, in_child)
     if kind not in KINDS:
-        return found
-    if (around := child_of(element, 'axis')) is None:
-        around = ET.Element('axis')
-    xyz = child_of(around, 'xyz', ('expressed_in',))
+        return joint
+    axis_element = child_of(element, 'axis')
+    if axis_element is None:
+        axis_element = ET.Element('axis')
+    xyz = child_of(axis_element, 'xyz', ('expressed_in',))
     axis = numbers(xyz, '', 3, '0 0 1')
-    if xyz is not None and (other := xyz.get('expressed_in')):
-        axis = at.rotation.T @ pose_of(other).rotation @ axis
+    if xyz is not None and (frame := xyz.get('expressed_in')):
+        axis = at.rotation.T @ pose_of(frame).rotation @ axis
     left_out = [
-        *_dynamics(around), *unknown_in(element, _IN_JOINT), *unknown_in(around, _IN_AXIS),
+        *_dynamics(axis_element), *unknown_in(element, _IN_JOINT),
+        *unknown_in(axis_element, _IN_AXIS),
     ]  # fmt: skip
-    if (mimic := child_of(around, 'mimic')) is not None:
-        found = found._replace(mimics=_mimics(mimic))
+    if (mimic := child_of(axis_element, 'mimic')) is not None:
+        joint = joint._replace(mimics=_mimics(mimic))
     axis = unit(axis, f'the axis of joint {shown(name)}')
-    return found._replace(axis=axis, left_out=', '.join(left_out))
+    return joint._replace(axis=axis, left_out=', '.join(left_out))
 
 
 def _dynamics(axis: ET.Element) -> Iterator[str]:

@@ -83,25 +83,31 @@ class Tree:
 
     def _spanning(self, robot: Robot, crank: str) -> list[Joint]:
         """Returns the joints of a spanning tree; stores the others in `leftover`."""
-        top = {link: link for link in robot.links}  # leads from each link to one of its group
-        kept = list[Joint]()
+        # Connected links form groups: each link leads to another of its group, the last to itself.
+        next_link = {link: link for link in robot.links}
+
+        def last_of_group(link: str) -> str:
+            while next_link[link] != link:
+                link = next_link[link]
+            return link
+
         depths, kinds = _depths(robot), (FIXED, PRISMATIC, REVOLUTE)
 
         def order(joint: Joint) -> tuple[bool, int, int]:
             """Puts the joints last that may be cut: those of a tip, and those that do not turn."""
-            rank = kinds.index(joint.kind) if joint.kind in kinds else len(kinds)
             is_kept = joint.kind == FIXED or joint.name == crank
-            deep = max(depths.get(link, 0) for link in (joint.parent, joint.child))
-            return not is_kept, rank, deep
+            rank = kinds.index(joint.kind) if joint.kind in kinds else len(kinds)
+            depth = max(depths.get(link, 0) for link in (joint.parent, joint.child))
+            return not is_kept, rank, depth
 
+        kept = list[Joint]()
         for joint in sorted(robot.joints, key=order):
-            first, second = joint.parent, joint.child
-            while top[first] != first:
-                first = top[first]
-            while top[second] != second:
-                second = top[second]
-            (self.leftover if first == second else kept).append(joint)
-            top[second] = first
+            first, second = last_of_group(joint.parent), last_of_group(joint.child)
+            if first == second:  # the joint closes a loop
+                self.leftover.append(joint)
+            else:
+                kept.append(joint)
+                next_link[second] = first
         return kept
 
     def _grow(self, root: str, joints_at: Mapping[str, Sequence[Joint]], base: Transform) -> None:
@@ -111,22 +117,23 @@ class Tree:
         waiting = [root]
         while waiting:
             link = waiting.pop()
-            own = self.home[link]
+            body = self.home[link]
             for joint in joints_at[link]:
-                is_down = joint.parent == link
-                other = joint.child if is_down else joint.parent
+                is_parent = joint.parent == link
+                other = joint.child if is_parent else joint.parent
                 if other in self.home:
                     continue
                 waiting.append(other)
                 if joint.kind == FIXED:
-                    step = joint.moved(0.0)
-                    place = self.bodies[own].links[link].then(step if is_down else step.inverse())
-                    self.bodies[own].links[other] = place
-                    self.home[other] = own
-                    continue
-                new = self.home[other] = len(self.bodies)
-                self.bodies.append(Body({other: IDENTITY}, len(self._edges)))
-                self._edges.append(Edge(joint, (own, new) if is_down else (new, own)))
+                    child_in_parent = joint.moved(0.0)
+                    step = child_in_parent if is_parent else child_in_parent.inverse()
+                    links = self.bodies[body].links
+                    links[other] = links[link].then(step)
+                    self.home[other] = body
+                else:
+                    new = self.home[other] = len(self.bodies)
+                    self.bodies.append(Body({other: IDENTITY}, len(self._edges)))
+                    self._edges.append(Edge(joint, (body, new) if is_parent else (new, body)))
 
     def name(self, body: int) -> str:
         """Returns the name of a body's first link."""
@@ -154,30 +161,33 @@ class Tree:
 
     def poses(self, values: Mapping[str, float]) -> list[Transform]:
         """Returns the pose of each body at joint values; those left out are 0."""
-        found = list[Transform]()
+        poses = list[Transform]()
         for number, body in enumerate(self.bodies):
             if body.above is None:
-                found.append(body.base)
+                poses.append(body.base)
                 continue
             edge = self._edges[body.above]
             (parent, child), joint = edge.ends, edge.joint
-            step = (
+            child_in_parent = (
                 self.bodies[parent].links[joint.parent]
                 .then(joint.moved(values.get(joint.name, 0.0)))
                 .then(self.bodies[child].links[joint.child].inverse())
             )  # fmt: skip
-            other = parent if number == child else child
-            found.append(found[other].then(step if number == child else step.inverse()))
-        return found
+            if number == child:
+                poses.append(poses[parent].then(child_in_parent))
+            else:
+                poses.append(poses[child].then(child_in_parent.inverse()))
+        return poses
 
     def path(self, start: int, end: int) -> list[int]:
         """Returns the bodies from one to another along the tree; empty if no joints lead there."""
-        ways = [self.ancestors(body) for body in (start, end)]
-        common = next((body for body in ways[0] if body in ways[1]), None)
+        from_start, from_end = self.ancestors(start), self.ancestors(end)
+        common = next((body for body in from_start if body in from_end), None)
         if common is None:
             return []
-        first, second = (way[: way.index(common) + 1] for way in ways)
-        return [*first, *second[-2::-1]]
+        up = from_start[: from_start.index(common) + 1]
+        down = from_end[: from_end.index(common)][::-1]
+        return [*up, *down]
 
     def edges_along(self, path: Sequence[int]) -> list[Edge]:
         """Returns the joints between each two successive bodies of a path."""

@@ -162,6 +162,11 @@ def _pose(element: ET.Element) -> Transform:
 
 
 def _inertial(link: ET.Element) -> Inertial | None:
+    """Reads the mass of a link; None if it has none.
+
+    Raises:
+        ConfigurationError: A part is missing, or a value or an attribute is invalid.
+    """
     element = child_of(link, 'inertial')
     if element is None:
         return None
@@ -169,40 +174,46 @@ def _inertial(link: ET.Element) -> Inertial | None:
     for tag, part in parts.items():
         if part is None:
             raise ConfigurationError(f'<inertial> has no <{tag}>')
-    if more := unknown_in(element, ('origin', 'mass', 'inertia')):
-        raise ConfigurationError(f'{listed(more)} of <inertial> is not read: leave it out')
+    if unknown := unknown_in(element, ('origin', 'mass', 'inertia')):
+        raise ConfigurationError(f'{listed(unknown)} of <inertial> is not read: leave it out')
     (mass,) = numbers(parts['mass'], 'value', 1)
-    six = (
-        numbers(parts['inertia'], name, 1, '' if name in _MOMENTS else '0')[0] for name in INERTIA
-    )
+    # The moments must be given; the products are 0 by default.
+    defaults = {name: '' if name in _MOMENTS else '0' for name in INERTIA}
+    six = (numbers(parts['inertia'], name, 1, default)[0] for name, default in defaults.items())
     inertia = symmetric(*six)
     return Inertial(float(mass), pose.place, pose.rotation @ inertia @ pose.rotation.T)
 
 
 def _joint(element: ET.Element) -> Joint:
+    """Reads a joint.
+
+    Raises:
+        ConfigurationError: It has no name, or a value or an attribute is invalid.
+    """
     name, kind = element.get('name', ''), element.get('type', '')
-    parent, child = (
-        '' if (end := _part(element, tag)) is None else end.get('link', '')
-        for tag in ('parent', 'child')
-    )
+    parent, child = _end(element, 'parent'), _end(element, 'child')
     if not name:
         raise ConfigurationError(
             f'the joint from link {shown(parent)} to {shown(child)} has no name: give it one'
         )
-    _part(element, 'limit')
-    found = Joint(name, KINDS.get(kind, kind), parent, child, _pose(element))
+    _part(element, 'limit')  # its attributes must be known; it is not read
+    joint = Joint(name, KINDS.get(kind, kind), parent, child, _pose(element))
     dynamics = _part(element, 'dynamics')
-    values = {name: numbers(dynamics, name, 1, '0')[0] for name in ('damping', 'friction')}
-    given = [f'{name} = {value:g}' for name, value in values.items() if value]
-    given += unknown_in(element, _IN_JOINT)
-    found = found._replace(left_out=', '.join(given))
-    if found.kind in {REVOLUTE, PRISMATIC}:  # others may have an axis of length 0
+    forces = {word: numbers(dynamics, word, 1, '0')[0] for word in ('damping', 'friction')}
+    left_out = [f'{word} = {value:g}' for word, value in forces.items() if value]
+    left_out += unknown_in(element, _IN_JOINT)
+    joint = joint._replace(left_out=', '.join(left_out))
+    if joint.kind in {REVOLUTE, PRISMATIC}:  # others may have an axis of length 0
         axis = unit(numbers(_part(element, 'axis'), 'xyz', 3, '1 0 0'), '<axis>')
-        found = found._replace(axis=axis)
+        joint = joint._replace(axis=axis)
     if (mimic := _part(element, 'mimic')) is not None:
-        (multiplier,), (offset,) = (
-            numbers(mimic, attribute, 1, default)
-            for attribute, default in (('multiplier', '1'), ('offset', '0'))
-        )
-        found = found._replace(mimics=(mimic.get('joint', ''), float(multiplier), float(offset)))
-    return found
+        (multiplier,) = numbers(mimic, 'multiplier', 1, '1')
+        (offset,) = numbers(mimic, 'offset', 1, '0')
+        joint = joint._replace(mimics=(mimic.get('joint', ''), float(multiplier), float(offset)))
+    return joint
+
+
+def _end(joint: ET.Element, tag: str) -> str:
+    """Returns the link of <parent> or <child>; empty if it is missing."""
+    element = _part(joint, tag)
+    return '' if element is None else element.get('link', '')
