@@ -7,7 +7,7 @@ Masses, shapes and colours are those of the URDF.
 
 import cmath
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, cast
 from xml.etree import ElementTree as ET
@@ -47,18 +47,8 @@ def about_zeros(mechanism: Mechanism, start: State) -> list[str]:
         at the speed u of the start, or 1 rad/s or 1 m/s at rest, with an acceleration of u^2.
         Empty if the change is negligible.
     """
-    bare = replace(cast('Any', mechanism), loads=())
-    values = flatten(bare)
-    link_of = {group: link for link, group in mechanism.part_groups().items()}
-    bodies = {link.joint.name: link for link in rigid_links(mechanism)}
-    guided = {link.name for link in mechanism.structure().links if link.is_guided}
-    small, links = dict[str, object](), dict[str, None]()
-    for name, value in values.items():
-        group, _, what = name.rpartition('.')
-        link = link_of.get(group, '')
-        has_term = what == 'mass' or (what == 'inertia' and link not in guided)
-        if has_term and value == 0.0:
-            small[name], links[link] = getattr(bodies[link], what), None
+    unloaded = replace(cast('Any', mechanism), loads=())
+    small, links = _small_values(unloaded)
     if not small:
         return []
     note = f'{", ".join(links)}: MuJoCo refuses a mass or inertia of 0, so it is small here'
@@ -67,16 +57,33 @@ def about_zeros(mechanism: Mechanism, start: State) -> list[str]:
     driven, units = mechanism.structure().driven, mechanism.structure().driven_link.units
     speed, reach = float(start.velocity[driven]) or 1.0, Solver(mechanism).reach
     low, high = reach.arc_around(float(start.position[driven]))
-    room = 0.0 if reach.turns_fully else _MARGIN * (high - low)
-    places = np.linspace(low + room, high - room, _PLACES)
-    right, found = (
-        Solver(one).state(places, speed, speed**2).torque for one in (bare, changed(bare, small))
+    margin = 0.0 if reach.turns_fully else _MARGIN * (high - low)
+    places = np.linspace(low + margin, high - margin, _PLACES)
+    exact, changed_torque = (
+        Solver(one).state(places, speed, speed**2).torque
+        for one in (unloaded, changed(unloaded, small))
     )
-    change, peak = (float(np.abs(x).max()) for x in (found - right, right))
+    change, peak = float(np.abs(changed_torque - exact).max()), float(np.abs(exact).max())
     if change <= _NEGLIGIBLE * peak:
         return []
     size = f'{change:.2g} {units.effort} of {peak:.3g} {units.effort}'
     return [f'{note}; this changes the drive by up to {size} at {speed:.4g} {units.velocity}']
+
+
+def _small_values(mechanism: Any) -> tuple[dict[str, object], list[str]]:
+    """Returns the masses and inertias that replace 0, by parameter name, and their links."""
+    link_of = {group: link for link, group in mechanism.part_groups().items()}
+    bodies = {link.joint.name: link for link in rigid_links(mechanism)}
+    guided = {link.name for link in mechanism.structure().links if link.is_guided}
+    small, links = dict[str, object](), list[str]()
+    for name, value in flatten(mechanism).items():
+        group, _, word = name.rpartition('.')
+        link = link_of.get(group, '')
+        has_term = word == 'mass' or (word == 'inertia' and link not in guided)
+        if has_term and value == 0.0:
+            small[name] = getattr(bodies[link], word)
+            links.append(link)
+    return small, list(dict.fromkeys(links))
 
 
 def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str:
@@ -101,15 +108,11 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     structure = mechanism.structure()
     links, names = structure.links, [f'{joint_prefix}{link.name}' for link in structure.links]
     position, velocity = _joint_values(links, start)
-    world, bodies, driven = _element('worldbody'), list[ET.Element](), names[structure.driven]
-    shapes = _shapes(mechanism, joint_prefix)
-    for name, link, shape, at in zip(names, links, shapes, position, strict=True):
-        bodies.append(_body(name, link, shape, at))
-        (world if link.parent is None else bodies[link.parent]).append(bodies[-1])
-    order = [names.index(str(joint.get('name'))) for joint in world.iter('joint')]  # of MuJoCo
-    pairs = _pairs(mechanism, names, [*bodies, world])
-    passive = _Passive(structure, names, [*bodies, world])
-    motors = []
+    driven = names[structure.driven]
+    world, link_bodies = _tree(mechanism, joint_prefix, names, position)
+    bodies = [*link_bodies, world]  # with the index FRAME, the last one, the world
+    pairs = _pairs(mechanism, names, bodies)
+    passive, motors = _Passive(structure, names, bodies), list[ET.Element]()
     for load in mechanism.loads:
         # Two actuators must not have one name.
         one = replace(cast('Any', load), name=f'{driven}_load') if load.name == driven else load
@@ -117,16 +120,8 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
         if not passive.add(one) and (acting or one.in_joints(mechanism)):
             motors.append(_load(one, acting, links, names, position))
     loads = [*passive.forces, *motors]
-    sensors = [
-        _element(kind, name=f'{name}_{word}', joint=name)
-        for kind, word in (('jointpos', 'position'), ('jointvel', 'velocity'))
-        for name in names
-    ]
-    sensors.append(_element('actuatorfrc', name=f'{driven}_effort', actuator=driven))
-    for point in mechanism.points:
-        name, carrier = f'{joint_prefix}{point.name}', structure.link_index(point.link, point.name)
-        bodies[carrier].append(_site(name, complex(*(point.at or (0.0, 0.0)))))
-        sensors.append(_element('framepos', name=name, objtype='site', objname=name))
+    sensors = _sensors(mechanism, names, bodies, joint_prefix)
+    in_order = [names.index(str(joint.get('name'))) for joint in world.iter('joint')]  # of MuJoCo
     root = _element(
         'mujoco',
         ET.Comment(_ABOUT.format(name=driven, effort=_effort_words(structure.driven_link))),
@@ -146,8 +141,8 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
         _element('actuator', _element('motor', name=driven, joint=driven), *loads),
         _element('sensor', *sensors),
         _element('keyframe', _element(
-            'key', name='start', qpos=_text(*(position[i] for i in order)),
-            qvel=_text(*(velocity[i] for i in order)),
+            'key', name='start', qpos=_text(*(position[i] for i in in_order)),
+            qvel=_text(*(velocity[i] for i in in_order)),
             ctrl=_text(float(start.torque), *[0.0] * len(loads)),
         )),
         model='linkage',
@@ -156,17 +151,63 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     return ET.tostring(root, encoding='unicode') + '\n'
 
 
+def _tree(
+    mechanism: Mechanism, joint_prefix: str, names: list[str], position: list[float]
+) -> tuple[ET.Element, list[ET.Element]]:
+    """Returns the world with the tree of bodies, and the body of each link.
+
+    Args:
+        mechanism: The mechanism.
+        joint_prefix: Prefix of all joint and body names.
+        names: Names of the joints.
+        position: Reference position of each joint.
+    """
+    world, bodies = _element('worldbody'), list[ET.Element]()
+    links, shapes = mechanism.structure().links, _shapes(mechanism, joint_prefix)
+    for name, link, shape, at in zip(names, links, shapes, position, strict=True):
+        body = _body(name, link, shape, at)
+        carrier = world if link.parent is None else bodies[link.parent]
+        carrier.append(body)
+        bodies.append(body)
+    return world, bodies
+
+
+def _sensors(
+    mechanism: Mechanism, names: list[str], bodies: list[ET.Element], joint_prefix: str
+) -> list[ET.Element]:
+    """Returns sensors for the values of joint_states, and adds the sites of traced points.
+
+    Args:
+        mechanism: The mechanism.
+        names: Names of its joints.
+        bodies: Bodies of the links, then the world.
+        joint_prefix: Prefix of all names.
+    """
+    structure = mechanism.structure()
+    driven = names[structure.driven]
+    sensors = [
+        *(_element('jointpos', name=f'{name}_position', joint=name) for name in names),
+        *(_element('jointvel', name=f'{name}_velocity', joint=name) for name in names),
+        _element('actuatorfrc', name=f'{driven}_effort', actuator=driven),
+    ]
+    for point in mechanism.points:
+        name, carrier = f'{joint_prefix}{point.name}', structure.link_index(point.link, point.name)
+        bodies[carrier].append(_site(name, complex(*(point.at or (0.0, 0.0)))))
+        sensors.append(_element('framepos', name=name, objtype='site', objname=name))
+    return sensors
+
+
 def _joint_values(links: Sequence[Link], start: State) -> tuple[list[float], list[float]]:
     """Returns positions and rates of the joints, each relative to the link that carries it."""
     position, velocity = (list(map(float, row)) for row in start[:2])
     for i, link in reversed([*enumerate(links)]):  # a carrier is converted after what it carries
         if link.parent is not None and not link.slides:
-            carrier, guide = axes_of(links, link.parent)
-            turned = guide or 0.0
+            carrier, angle = axes_of(links, link.parent)
+            direction = angle or 0.0  # of the carrier's axes
             if carrier is not None:
-                turned += position[carrier]
+                direction += position[carrier]
                 velocity[i] -= velocity[carrier]
-            position[i] = math.remainder(position[i] - turned, math.tau)
+            position[i] = math.remainder(position[i] - direction, math.tau)
     return position, velocity
 
 
@@ -198,17 +239,19 @@ def _pairs(
         bodies: Bodies of the links, then, as the last one has the index FRAME, the world.
     """
     structure = mechanism.structure()
-    loop, *added = structure.closures
-    pairs = [_close(*loop, names, bodies)]
-    for dyad, closure in zip(mechanism.dyads, added, strict=True):
+    of_loop, *of_dyads = structure.closures
+    pairs = [_close(*of_loop, names, bodies)]
+    for dyad, closure in zip(mechanism.dyads, of_dyads, strict=True):
         if dyad.rod is None:
             pairs.append(_close(*closure, names, bodies))
             continue
-        (end, _), (_, rod) = structure.ends(dyad), closure  # the rod's pin is on a carrier
-        pairs.append((f'{names[rod]}_pin', f'{names[rod]}_end'))
+        # The pin of the rod is on the link that carries the dyad's first end.
+        (end, _), (_, rod) = structure.ends(dyad), closure
+        pin, rod_end = f'{names[rod]}_pin', f'{names[rod]}_end'
         carrier = FRAME if end.carrier is None else end.carrier
-        bodies[carrier].append(_site(pairs[-1][0], end.at))
-        bodies[rod].append(_site(pairs[-1][1], 0j))
+        bodies[carrier].append(_site(pin, end.at))
+        bodies[rod].append(_site(rod_end, 0j))
+        pairs.append((pin, rod_end))
     return pairs
 
 
@@ -229,10 +272,12 @@ def _close(
 
 def _body(name: str, link: Link, shape: Any, at: float) -> ET.Element:
     """Returns the body of a link, described in the URDF, whose joint is at `at`, rad or m."""
-    place, angle, kind, axis = link.origin, link.angle + at, 'hinge', '0 0 1'
     if link.slides:
-        place, angle = link.origin + cmath.rect(at, link.angle), link.angle
         kind, axis = 'slide', '1 0 0'
+        place, angle = link.origin + cmath.rect(at, link.angle), link.angle
+    else:
+        kind, axis = 'hinge', '0 0 1'
+        place, angle = link.origin, link.angle + at
     visual, inertial = shape.find('visual'), shape.find('inertial')
     box = map(float, visual.find('geometry/box').get('size').split())
     return _element(
@@ -318,20 +363,33 @@ class _Passive:
         ))  # fmt: skip
 
     def _add_pins(self, one: Pins) -> None:
-        links = self._structure.links
+        """Adds a tendon for each viscous pin; its length is the relative angle of the links."""
         for pin in self._structure.pins:
-            rates = dict.fromkeys(self._names, 0)
-            for link, sign in ((pin.second, 1), (pin.first, -1)):
-                j = None if link is None else spin_of(links, link)
-                while j is not None:  # the rate of a link is the sum of those of its joints
-                    rates[self._names[j]] += sign
-                    above = links[j].parent
-                    j = None if above is None else spin_of(links, above)
-            if one.pin in {'', pin.name}:
-                joints = [_element('joint', joint=x, coef=str(c)) for x, c in rates.items() if c]
-                self.tendons.append(_element(
-                    'fixed', *joints, name=f'{one.name}_{pin.name}', damping=repr(one.damping)
-                ))  # fmt: skip
+            if one.pin not in {'', pin.name}:
+                continue
+            coefficients = dict.fromkeys(self._names, 0)
+            for joint in self._joints_of(pin.second):
+                coefficients[joint] += 1
+            for joint in self._joints_of(pin.first):
+                coefficients[joint] -= 1
+            joints = [
+                _element('joint', joint=joint, coef=str(coefficient))
+                for joint, coefficient in coefficients.items()
+                if coefficient
+            ]
+            self.tendons.append(_element(
+                'fixed', *joints, name=f'{one.name}_{pin.name}', damping=repr(one.damping)
+            ))  # fmt: skip
+
+    def _joints_of(self, link: int | None) -> Iterator[str]:
+        """Yields the joints whose rates add up to that of a link; none for the frame."""
+        links = self._structure.links
+        while link is not None:
+            turning = spin_of(links, link)
+            if turning is None:
+                return
+            yield self._names[turning]
+            link = links[turning].parent
 
 
 def _load(

@@ -71,9 +71,9 @@ def movie_page(
     linkage = _linkage(period, springs, spring_pins)
     quantities, time = _quantities(period), period.time
     # Two bytes a coordinate, and a third more as text.
-    each = 8 / 3 * linkage.coordinates + _POINT * len(linkage.drawing.owners)
-    each += (_POINT + _NUMBER) * len(quantities)
-    shown = _samples(period, min(_SAMPLES, int(_BYTES / each)))
+    sample_bytes = 8 / 3 * linkage.coordinates + _POINT * len(linkage.drawing.owners)
+    sample_bytes += (_POINT + _NUMBER) * len(quantities)
+    shown = _samples(period, min(_SAMPLES, int(_BYTES / sample_bytes)))
     if period.speed < 0:
         shown, time = shown[::-1], time[-1] - time
     picture, shape, places = _draw_linkage(linkage, shown)
@@ -98,7 +98,7 @@ def movie_page(
             for i, quantity in enumerate(quantities)
         ),
         paces='\n'.join(
-            f'<option value="{ratio:g}"{" selected" * (ratio == pace)}>{words}</option>'
+            f'<option value="{ratio:g}"{" selected" if ratio == pace else ""}>{words}</option>'
             for ratio, words in paces
         ),
     )  # fmt: skip
@@ -115,28 +115,27 @@ def _samples(period: Period, count: int) -> Array:
 
 def _quantities(period: Period) -> list[_Quantity]:
     """Lists what the page shows: driven link, output link, torque and loads."""
-    columns, output, driven = period.columns, period.solver.output, period.driven.name
-    is_law, speed = period.across is OVER_TIME, period.motion(driven, 'velocity')
-    is_uneven = bool(np.ptp(speed.values) > 0)
-    effort, colors = period.effort.replace('_', ' ').capitalize(), period.colors
-    if period.driven.slides:
-        word = period.driven.driven_word.capitalize()
+    columns, colors, driven = period.columns, period.colors, period.driven
+    color, speed = colors[driven.name], period.motion(driven.name, 'velocity').values
+    is_law = period.across is OVER_TIME
+    is_uneven = bool(np.ptp(speed) > 0)
+    if driven.slides:
+        word = driven.driven_word.capitalize()
         found = [
-            _Quantity(f'{word} position', 'm', colors[driven], period.crank, is_law),
-            _Quantity(f'{word} speed', 'm/s', colors[driven], speed.values, is_uneven),
+            _Quantity(f'{word} position', 'm', color, period.crank, is_law),
+            _Quantity(f'{word} speed', 'm/s', color, speed, is_uneven),
         ]
     else:
-        rpm = speed.values * 30 / math.pi
         found = [
-            _Quantity('Crank angle', 'deg', colors[driven], np.degrees(period.crank), is_law),
-            _Quantity('Crank speed', 'rpm', colors[driven], rpm, is_uneven),
+            _Quantity('Crank angle', 'deg', color, np.degrees(period.crank), is_law),
+            _Quantity('Crank speed', 'rpm', color, speed * 30 / math.pi, is_uneven),
         ]
+    output = period.solver.output
     position, velocity = (period.motion(output, word) for word in ('position', 'velocity'))
-    word, color = output.capitalize(), colors[output]
     found += [
-        _quantity(position, f'{word} position', color, is_drawn=False),
-        _quantity(velocity, f'{word} speed', color),
-        _quantity(columns[period.effort], effort, colors[driven]),
+        _quantity(position, f'{output.capitalize()} position', colors[output], is_drawn=False),
+        _quantity(velocity, f'{output.capitalize()} speed', colors[output]),
+        _quantity(columns[period.effort], period.effort_name, color),
     ]
     for name, column in columns.items():
         link, _, kind = name.partition('.')
@@ -166,8 +165,28 @@ class _Linkage(NamedTuple):
     def coordinates(self) -> int:
         """Number of coordinates of the moving parts and of the names of the pins."""
         lines = *self.links.values(), *self.loads.values(), *self.springs.values()
-        count: int = sum(line[0].size for line in (*lines, self.pins, self.pins))
+        pins_and_names = self.pins, self.pins
+        count: int = sum(line[0].size for line in (*lines, *pins_and_names))
         return count + 2 * len(self.springs)  # their names
+
+    @property
+    def points(self) -> Array:
+        """All points of the picture but those of names, m, shape (n, 2)."""
+        lines = [
+            *self.drawing.ground, self.pins, *self.links.values(), *self.loads.values(),
+            *self.springs.values(),
+        ]  # fmt: skip
+        pins = [np.array([pin.real, pin.imag]) for pin in self.spring_pins.values()]
+        return np.concatenate([line.reshape(-1, 2) for line in (*lines, *pins)])
+
+    def at(self, samples: Array) -> '_Linkage':
+        """Returns the linkage at samples alone, given their indices."""
+        return self._replace(
+            pins=self.pins[samples],
+            links={link: lines[samples] for link, lines in self.links.items()},
+            loads={link: lines[samples] for link, lines in self.loads.items()},
+            springs={name: line[samples] for name, line in self.springs.items()},
+        )
 
 
 def _linkage(
@@ -252,6 +271,14 @@ def _moving_line(shape: Array, color: Color, width: float, dashes: str = 'none')
     )
 
 
+class _NamedPin(NamedTuple):
+    """A pin that does not move: its place and that of its name, pixels, and the name."""
+
+    place: Array
+    name_place: Array
+    name: str
+
+
 def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:
     """Draws the mechanism.
 
@@ -263,62 +290,93 @@ def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:
         The picture as SVG; its ratio of width to height; and the coordinates of the moving parts
         at these samples, tenths of a pixel, shape (n, coordinates).
     """
-    drawing, pins = linkage.drawing, linkage.pins[shown]
-    links, loads, springs = (
-        {link: lines[shown] for link, lines in part.items()}
-        for part in (linkage.links, linkage.loads, linkage.springs)
-    )
-    spring_pins = {name: np.array([x.real, x.imag]) for name, x in linkage.spring_pins.items()}
-    paths = [(pins[:, drawing.pins.index(pin)], owner) for pin, owner in drawing.owners.items()]
-    lines = [*drawing.ground, *(path for path, _ in paths), *links.values(), *loads.values()]
-    lines += [*springs.values(), *spring_pins.values()]
-    canvas = _Canvas.around(np.concatenate([line.reshape(-1, 2) for line in lines]))
-    place, height = canvas.place, canvas.height
-    ways = drawing.labels(pins) - pins
-    names = pins + _NAME / canvas.scale * ways / np.linalg.norm(ways, axis=-1, keepdims=True)
-    # The ground is drawn below the pivots, so their names are placed to the sides.
-    middle = 0.5 * (canvas.low + canvas.high)[0]
-    asides = [(math.copysign(_NAME + 3, pivot[0] - middle), 0) for pivot in drawing.pivots]
-    pivots = [
-        (place(pivot), aside, name)
-        for pivot, aside, name in zip(drawing.pivots, asides, drawing.pivot_names, strict=True)
-    ]
-    labels = [(place(names)[:, i, 0], pin) for i, pin in enumerate(drawing.pins)]
-    labels += [(at[..., 0] + aside[0], name) for at, aside, name in pivots]
-    more = _more_room(labels)
-    box = f'{-more} 0 {_SIZE + 2 * more} {height}'
-    bar = np.array([(0, 5), (0, 0), (1, 0), (1, 5)]) * [canvas.scale * drawing.scale_length, -1]
-    bar += [canvas.left, height - 8]
-    scale_length = f'{drawing.scale_length:g}'
-    below = np.array([0.0, _NAME])  # y is downwards in pixels, upwards in m
+    moving = linkage.at(shown)
+    drawing, canvas = moving.drawing, _Canvas.around(moving.points)
+    names = _name_places(moving, canvas)
+    pivots = _pivots(drawing, canvas)
+    labels = [(canvas.place(names)[:, i, 0], pin) for i, pin in enumerate(drawing.pins)]
+    more = _more_room([*labels, *((pivot.name_place[..., 0], pivot.name) for pivot in pivots)])
+    box = f'{-more} 0 {_SIZE + 2 * more} {canvas.height}'
     parts = [
         f'<svg id="linkage" viewBox="{box}" role="img" aria-label="the linkage">',
-        *(_line(place(ground), GREY, 1.2) for ground in drawing.ground),
-        *(_line(place(path), drawing.colors[owner], 1.2) for path, owner in paths),
-        f'<polyline points="{_spaced(bar)}" stroke="rgb{GREY}"/>',
-        f'<text class="tick" x="{bar[2, 0] + 6:.1f}" y="{height - 8}">{scale_length} m</text>',
-        *(_moving_line(shape, drawing.colors[link], 5.0) for link, shape in links.items()),
-        *(_moving_line(shape, SECOND, 2.5) for shape in loads.values()),
-        *(_moving_line(shape, GREY, 2.5, '5 5') for shape in springs.values()),
-        *(f'<circle r="4" transform="translate({_spaced(place(pin))})" fill="rgb{GREY}"/>'
-          f'<text class="name" transform="translate({_spaced(place(pin) + below)})">'
-          f'{html.escape(name)}</text>'
-          for name, pin in spring_pins.items()),
-        *(f'<circle r="4" transform="translate({_spaced(at)})" fill="rgb{GREY}"/>'
-          for at, *_ in pivots),
-        *(f'<text class="name" transform="translate({_spaced(at + aside)})">'
-          f'{html.escape(name)}</text>' for at, aside, name in pivots),
+        *_still_lines(moving, canvas),
+        *(_moving_line(line, drawing.colors[link], 5.0) for link, line in moving.links.items()),
+        *(_moving_line(line, SECOND, 2.5) for line in moving.loads.values()),
+        *(_moving_line(line, GREY, 2.5, '5 5') for line in moving.springs.values()),
+        *(f'{_circle(pin)}{_name(pin)}' for pin in _spring_pins(moving, canvas)),
+        *map(_circle, pivots),
+        *map(_name, pivots),
         *(f'<circle data-points="1" r="4" fill="rgb{GREY}"/>' for _ in drawing.pins),
-        *(f'<text data-points="1" class="name">{html.escape(pin)}</text>'
-          for pin in drawing.pins),
-        *(f'<text data-points="1" class="name">{html.escape(name)}</text>' for name in springs),
+        *map(_moving_name, drawing.pins),
+        *map(_moving_name, moving.springs),
         '</svg>',
-    ]  # fmt: skip
+    ]
     # The name of a spring is above its middle.
-    above = [line.mean(axis=1) + below / canvas.scale for line in springs.values()]
-    moved = *links.values(), *loads.values(), *springs.values(), pins, names, *above
-    places = np.concatenate([place(part).reshape(len(pins), -1) for part in moved], axis=1)
-    return '\n'.join(parts), _SIZE / height, np.round(10 * places).astype('<i2')
+    above = np.array([0.0, _NAME / canvas.scale])
+    spring_names = [line.mean(axis=1) + above for line in moving.springs.values()]
+    moved = (
+        *moving.links.values(), *moving.loads.values(), *moving.springs.values(), moving.pins,
+        names, *spring_names,
+    )  # fmt: skip
+    count = len(moving.pins)
+    places = np.concatenate([canvas.place(part).reshape(count, -1) for part in moved], axis=1)
+    return '\n'.join(parts), _SIZE / canvas.height, np.round(10 * places).astype('<i2')
+
+
+def _name_places(moving: _Linkage, canvas: _Canvas) -> Array:
+    """Returns the places of the names of the moving pins, m, shape (n, pins, 2)."""
+    directions = moving.drawing.labels(moving.pins) - moving.pins
+    distances = np.linalg.norm(directions, axis=-1, keepdims=True)
+    return np.asarray(moving.pins + _NAME / canvas.scale * directions / distances)
+
+
+def _pivots(drawing: Drawing, canvas: _Canvas) -> list[_NamedPin]:
+    """Returns the pivots; their names are at the sides, because the ground is drawn below them."""
+    middle = 0.5 * (canvas.low + canvas.high)[0]
+    pivots = []
+    for pivot, name in zip(drawing.pivots, drawing.pivot_names, strict=True):
+        place, aside = canvas.place(pivot), (math.copysign(_NAME + 3, pivot[0] - middle), 0)
+        pivots.append(_NamedPin(place, place + aside, name))
+    return pivots
+
+
+def _spring_pins(linkage: _Linkage, canvas: _Canvas) -> list[_NamedPin]:
+    """Returns the fixed pins that only springs and cylinders have; their names are below."""
+    pins = []
+    for name, pin in linkage.spring_pins.items():
+        place = canvas.place(np.array([pin.real, pin.imag]))
+        pins.append(_NamedPin(place, place + np.array([0.0, _NAME]), name))
+    return pins
+
+
+def _still_lines(linkage: _Linkage, canvas: _Canvas) -> Iterator[str]:
+    """Draws the ground, the paths of the pins, and the scale bar."""
+    drawing = linkage.drawing
+    for ground in drawing.ground:
+        yield _line(canvas.place(ground), GREY, 1.2)
+    for pin, owner in drawing.owners.items():
+        path = linkage.pins[:, drawing.pins.index(pin)]
+        yield _line(canvas.place(path), drawing.colors[owner], 1.2)
+    bar = np.array([(0, 5), (0, 0), (1, 0), (1, 5)]) * [canvas.scale * drawing.scale_length, -1]
+    bar += [canvas.left, canvas.height - 8]
+    yield f'<polyline points="{_spaced(bar)}" stroke="rgb{GREY}"/>'
+    yield (
+        f'<text class="tick" x="{bar[2, 0] + 6:.1f}" y="{canvas.height - 8}">'
+        f'{drawing.scale_length:g} m</text>'
+    )
+
+
+def _circle(pin: _NamedPin) -> str:
+    return f'<circle r="4" transform="translate({_spaced(pin.place)})" fill="rgb{GREY}"/>'
+
+
+def _name(pin: _NamedPin) -> str:
+    place = _spaced(pin.name_place)
+    return f'<text class="name" transform="translate({place})">{html.escape(pin.name)}</text>'
+
+
+def _moving_name(name: str) -> str:
+    return f'<text data-points="1" class="name">{html.escape(name)}</text>'
 
 
 class _Scale(NamedTuple):
@@ -339,6 +397,18 @@ class _Scale(NamedTuple):
         return self.bottom - self.factor * (value - self.low)
 
 
+class _Across(NamedTuple):
+    """The horizontal axis of all curves: its values at both ends."""
+
+    start: float
+    end: float
+
+    def x(self, marks: Any) -> Any:
+        """Returns the coordinate x of values, px."""
+        width = _SIZE - _RIGHT - _LEFT
+        return _LEFT + width * (marks - self.start) / (self.end - self.start)
+
+
 def _curves(
     period: Period, quantities: Sequence[_Quantity], shown: Array
 ) -> tuple[str, list[_Scale | None]]:
@@ -348,50 +418,31 @@ def _curves(
         The picture as SVG; and for each quantity its axis, or None if it is not drawn.
     """
     drawn = sum(quantity.is_drawn for quantity in quantities)
-    height, right = drawn * (_ROW + _GAP) + _FOOT, _SIZE - _RIGHT
-    start, end = period.marks[0], period.marks[-1]
-
-    def across(marks: Any) -> Any:
-        return _LEFT + (right - _LEFT) * (marks - start) / (end - start)
-
+    height, across = drawn * (_ROW + _GAP) + _FOOT, _Across(period.marks[0], period.marks[-1])
+    x = across.x(period.marks[shown])
     parts, above = list[str](), list[str]()  # `above` covers the grid
     scales, top = list[_Scale | None](), float(_TOP)
     for i, quantity in enumerate(quantities):
         if not quantity.is_drawn:
             scales.append(None)
             continue
-        limits = shown_range([quantity.values], _range(quantity.values))
-        ticks = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(*limits)
-        low, high = float(ticks[0]), float(ticks[-1])
-        scale = _Scale(low, _ROW / (high - low), top + _ROW)
+        scale, ticks = _scale(quantity.values, top)
         scales.append(scale)
-        above.append(
-            f'<text class="title" x="{_LEFT}" y="{top - 8:g}">{html.escape(quantity.name)}, '
-            f'{quantity.unit}</text>'
-        )
-        for tick in ticks:
-            y = scale.y(tick)
-            parts.append(f'<path class="grid" d="M{_LEFT} {y:.1f}H{right}"/>')
-            parts.append(
-                f'<text class="tick" x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">'
-                f'{tick + 0.0:.6g}</text>'
-            )
-        points = np.stack([across(period.marks[shown]), scale.y(quantity.values[shown])], axis=-1)
+        parts += _horizontal_grid(scale, ticks)
+        points = np.stack([x, scale.y(quantity.values[shown])], axis=-1)
         parts += (
             f'<polyline points="{_spaced(part)}" stroke="rgb{quantity.color}" stroke-width="2"/>'
             for part in _parts_inside(points, top, scale.bottom)
         )
+        above.append(
+            f'<text class="title" x="{_LEFT}" y="{top - 8:g}">{html.escape(quantity.name)}, '
+            f'{quantity.unit}</text>'
+        )
         above.append(f'<circle id="dot{i}" r="5" fill="rgb{quantity.color}"/>')
         top = scale.bottom + _GAP
     foot = top - _GAP
-    for mark in np.linspace(start, end, 5):
-        x = across(mark)
-        parts.append(f'<path class="grid" d="M{x:.1f} {_TOP}V{foot:g}"/>')
-        parts.append(
-            f'<text class="tick" x="{x:.1f}" y="{foot + 16:g}" text-anchor="middle">'
-            f'{mark:.6g}</text>'
-        )
-    middle, title = 0.5 * (_LEFT + right), f'{period.across.name}, {period.across.unit}'
+    parts += _vertical_grid(across, foot)
+    middle, title = 0.5 * (_LEFT + _SIZE - _RIGHT), f'{period.across.name}, {period.across.unit}'
     parts += [
         f'<text x="{middle:g}" y="{foot + 36:g}" text-anchor="middle">{title}</text>',
         f'<line id="cursor" y1="{_TOP}" y2="{foot:g}"/>', *above, '</svg>',
@@ -401,6 +452,36 @@ def _curves(
         f'aria-label="curves over the {period.across.name.lower()}">'
     )
     return '\n'.join([head, *parts]), scales
+
+
+def _scale(values: Array, top: float) -> tuple[_Scale, Array]:
+    """Chooses the vertical axis of a curve whose upper end is at `top`, px; returns its ticks."""
+    limits = shown_range([values], _range(values))
+    ticks = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(*limits)
+    low, high = float(ticks[0]), float(ticks[-1])
+    return _Scale(low, _ROW / (high - low), top + _ROW), np.asarray(ticks)
+
+
+def _horizontal_grid(scale: _Scale, ticks: Array) -> Iterator[str]:
+    """Draws a line and a number for each tick of a vertical axis."""
+    for tick in ticks:
+        y = scale.y(tick)
+        yield f'<path class="grid" d="M{_LEFT} {y:.1f}H{_SIZE - _RIGHT}"/>'
+        yield (
+            f'<text class="tick" x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">'
+            f'{tick + 0.0:.6g}</text>'
+        )
+
+
+def _vertical_grid(across: _Across, foot: float) -> Iterator[str]:
+    """Draws five lines and numbers of the horizontal axis, which is at `foot`, px."""
+    for mark in np.linspace(across.start, across.end, 5):
+        x = across.x(mark)
+        yield f'<path class="grid" d="M{x:.1f} {_TOP}V{foot:g}"/>'
+        yield (
+            f'<text class="tick" x="{x:.1f}" y="{foot + 16:g}" text-anchor="middle">'
+            f'{mark:.6g}</text>'
+        )
 
 
 def _parts_inside(points: Array, top: float, bottom: float) -> Iterator[Array]:

@@ -14,7 +14,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from linkage_lab.charts.movie import page_of
-from linkage_lab.charts.sketch import HIGH, describe, draw_sketch, sketch_of
+from linkage_lab.charts.sketch import HIGH, Sketched, describe, draw_sketch, sketch_of
 from linkage_lab.output import DPI, STYLE, WIDTH, name_of, rounded
 from linkage_lab.period import Period, logged_period, period_to_show
 from linkage_ros import Drawing, LinkageError, Mechanism, Solver, load
@@ -61,25 +61,16 @@ class _Motion(NamedTuple):
 def show(thing: Thing, rpm: float | None, linkage: str = '') -> Shown:
     """See `linkage_lab.show`."""
     path = Path(thing) if isinstance(thing, (str, Path)) else None
+    motion: _Motion | None = None
     if path is not None and (path.suffix == '.mcap' or path.is_dir()):
         design, motion = _logged(path, linkage)
+        name = motion.name
     else:
         design = _configured(thing, rpm, linkage)
-        motion = None
-    name = type(design.mechanism).__name__
-    if path is not None:
-        name = motion.name if motion else name_of(path, design)
+        name = name_of(path, design) if path else type(design.mechanism).__name__
     sketched = sketch_of(design)
-    figure = Figure(figsize=(WIDTH, HIGH), dpi=DPI)
-    with rc_context(STYLE):
-        draw_sketch(figure.add_axes((0.02, 0.02, 0.96, 0.96)), sketched, with_dimensions=False)
-        picture = io.BytesIO()
-        figure.savefig(picture, format='png', bbox_inches='tight')
-    lines, source = '\n'.join(describe(sketched)), base64.b64encode(picture.getvalue()).decode()
-    parts = [
-        f'<img style="max-width: 100%" alt="sketch" src="data:image/png;base64,{source}">',
-        f'<pre style="white-space: pre-wrap">{html.escape(lines)}</pre>',
-    ]
+    lines = '\n'.join(describe(sketched))
+    parts = [_picture(sketched), f'<pre style="white-space: pre-wrap">{html.escape(lines)}</pre>']
     try:
         motion = motion or _periodic(name, design, rpm)
         parts += [
@@ -89,6 +80,17 @@ def show(thing: Thing, rpm: float | None, linkage: str = '') -> Shown:
     except LinkageError as error:  # the sketch shows the mechanism without a motion, too
         parts.append(f'<p>No motion: {html.escape(str(error))}</p>')
     return Shown(f'{name}: {motion.words if motion else repr(design.mechanism)}', parts)
+
+
+def _picture(sketched: Sketched) -> str:
+    """Draws a sketch as an image in HTML."""
+    figure = Figure(figsize=(WIDTH, HIGH), dpi=DPI)
+    with rc_context(STYLE):
+        draw_sketch(figure.add_axes((0.02, 0.02, 0.96, 0.96)), sketched, with_dimensions=False)
+        png = io.BytesIO()
+        figure.savefig(png, format='png', bbox_inches='tight')
+    source = base64.b64encode(png.getvalue()).decode()
+    return f'<img style="max-width: 100%" alt="sketch" src="data:image/png;base64,{source}">'
 
 
 def _configured(thing: Any, rpm: float | None, linkage: str) -> Linkage:
@@ -109,7 +111,8 @@ def _logged(path: Path, linkage: str) -> tuple[Linkage, _Motion]:
         LogError: The log cannot be read.
     """
     design, time, rows, torque = logged_states(path, _MOST, linkage)
-    count = int(np.append(np.diff(time) > 0, False).argmin()) + 1
+    increases = np.append(np.diff(time) > 0, False)  # from each state to the next
+    count = int(increases.argmin()) + 1
     period = logged_period(design.mechanism, time[:count], rows[..., :count], torque[:count])
     words = f'{count} states of the log, {rounded(float(time[count - 1]))} s'
     return design, _Motion(path.name, words, period)
@@ -121,27 +124,27 @@ def _periodic(name: str, design: Linkage, rpm: float | None) -> _Motion:
     Raises:
         LinkageError: The configuration has no motion to show.
     """
-    own = design.drive.law(design.mechanism.structure().driven_link) is None
-    period, (_, about, speed, *_) = period_to_show(name, design, rpm if own else None)
+    has_law = design.drive.law(design.mechanism.structure().driven_link) is not None
+    period, (_, about, speed, *_) = period_to_show(name, design, None if has_law else rpm)
     return _Motion(name, f'{about}, {speed}', period)
 
 
 def _table(period: Period) -> str:
     """Makes a table of the smallest and the largest value of each quantity."""
-    rows = [('', '', 'smallest', 'largest')]
+    rows = [_table_row('', '', 'smallest', 'largest')]
     for name, (unit, values) in period.columns.items():
         if unit.startswith('rad') and not unit.startswith('rad/s'):
             unit, values = f'deg{unit[3:]}', np.degrees(values)
         low, high = (rounded(float(x)) for x in (values.min(), values.max()))
-        rows.append((name, unit, low, high))
-    lines = (
-        ''.join(
-            f'<td style="{_CELL} {"right" if i > 1 else "left"}">{html.escape(cell)}</td>'
-            for i, cell in enumerate(row)
-        )
-        for row in rows
-    )
-    return f'<table>{"".join(f"<tr>{line}</tr>" for line in lines)}</table>'
+        rows.append(_table_row(name, unit, low, high))
+    return f'<table>{"".join(rows)}</table>'
+
+
+def _table_row(name: str, unit: str, smallest: str, largest: str) -> str:
+    """Makes a row of the table."""
+    left = (f'<td style="{_CELL} left">{html.escape(cell)}</td>' for cell in (name, unit))
+    right = (f'<td style="{_CELL} right">{cell}</td>' for cell in (smallest, largest))
+    return f'<tr>{"".join(left)}{"".join(right)}</tr>'
 
 
 def _frame(page: str) -> str:

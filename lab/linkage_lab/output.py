@@ -234,13 +234,14 @@ def chart(
 
 def shown_range(rows: Sequence[Array], limits: tuple[float, float]) -> tuple[float, float]:
     """Returns the limits of a diagram, without the surroundings of infinite values if any."""
-    finite = list[Array]()
+    kept = list[Array]()
     for row in rows:
         (infinite,) = np.nonzero(~np.isfinite(row))
         around = (infinite[:, None] + np.arange(-_AROUND, _AROUND + 1)).ravel()
-        finite.append(np.delete(row, np.unique(np.clip(around, 0, len(row) - 1))))
-    values = np.concatenate(finite)
-    if values.size == sum(map(len, rows)) or not values.size:
+        kept.append(np.delete(row, np.unique(np.clip(around, 0, len(row) - 1))))
+    values = np.concatenate(kept)
+    are_all_finite = values.size == sum(map(len, rows))
+    if are_all_finite or not values.size:
         return limits
     low, high = min(0.0, values.min()), max(0.0, values.max())
     margin = 0.05 * (high - low) or 1.0
@@ -315,23 +316,23 @@ def name_ends(axes: Any, lines: Mapping[str, Any], size: tuple[float, float]) ->
     from matplotlib.colors import to_rgb
     from matplotlib.lines import Line2D
 
-    low, high = axes.get_ylim()
+    (low, high), (width, height) = axes.get_ylim(), size
     ends = list[float]()
     for line in lines.values():
         values = np.asarray(line.get_ydata())
         last = values[np.isfinite(values)][-1]
         ends.append(float(np.clip((last - low) / (high - low), 0.0, 1.0)))
-    places = spread(ends, NAME / size[1])
+    places = spread(ends, NAME / height)
     for (name, line), end, place in zip(lines.items(), ends, places, strict=True):
         red, green, blue = to_rgb(line.get_color())
         color = 0.7 * red, 0.7 * green, 0.7 * blue  # readable on white
         leader = Line2D(
-            [1.0, 1 + LEADER / size[0]], [end, place], color=color, linewidth=0.6,
+            [1.0, 1 + LEADER / width], [end, place], color=color, linewidth=0.6,
             transform=axes.transAxes, clip_on=False,
         )  # fmt: skip
         axes.add_line(leader)
         axes.text(
-            1 + (LEADER + 0.03) / size[0], place, name, color=color, va='center_baseline',
+            1 + (LEADER + 0.03) / width, place, name, color=color, va='center_baseline',
             fontsize=NUMBERS, transform=axes.transAxes,
         )  # fmt: skip
 
@@ -341,20 +342,20 @@ def spread(places: Sequence[float], least: float) -> list[float]:
 
     Each run of places that are too close becomes evenly spaced about its mean.
     """
-    runs = [[i] for i in sorted(range(len(places)), key=places.__getitem__)]
 
     def start(run: list[int]) -> float:
+        """Returns the lower end of a run, given the indices of its places in order."""
         return sum(places[i] for i in run) / len(run) - 0.5 * least * len(run)
 
-    i = 0
-    while i + 1 < len(runs):
-        if start(runs[i]) + least * len(runs[i]) > start(runs[i + 1]):
-            runs[i : i + 2] = [runs[i] + runs[i + 1]]
-            i = max(0, i - 1)
-        else:
-            i += 1
+    runs = list[list[int]]()
+    for i in sorted(range(len(places)), key=places.__getitem__):
+        run = [i]
+        # A run that overlaps the one before joins it, and may then overlap the next before.
+        while runs and start(runs[-1]) + least * len(runs[-1]) > start(run):
+            run = runs.pop() + run
+        runs.append(run)
     moved = [0.0] * len(places)
     for run in runs:
-        for number, j in enumerate(run):
-            moved[j] = start(run) + (number + 0.5) * least
+        for number, i in enumerate(run):
+            moved[i] = start(run) + (number + 0.5) * least
     return moved

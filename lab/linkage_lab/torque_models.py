@@ -44,20 +44,35 @@ def _known(mechanism: Mechanism) -> dict[str, tuple[str, ...]]:
 
 def terms(mechanism: Mechanism) -> dict[str, dict[str, int]]:
     """Returns the terms of a mechanism, each with the number of nonzero values per parameter."""
+    counts = _nonzero_values(mechanism)
+    all_terms = {
+        term: {name: counts[name] for name in _members(counts, parameters)}
+        for term, parameters in _known(mechanism).items()
+    }
+    has_masses = any(name.endswith(('.mass', '.inertia')) for name in counts)
+    found = dict[str, dict[str, int]]()
+    for term, own in all_terms.items():
+        # Masses have inertia forces, even if no link has a moment of inertia.
+        exists = bool(own) or (term == STATIC and has_masses)
+        # For a link without mass, 'crank' would repeat 'crank.inertia'.
+        repeats = own == all_terms.get(f'{term}.inertia')
+        if exists and not repeats:
+            found[term] = own
+    return found
+
+
+def _nonzero_values(mechanism: Mechanism) -> dict[str, int]:
+    """Returns the number of nonzero values of each parameter that has an effect, by name."""
     counts = {
         name: 0 if isinstance(value, str) else int(np.count_nonzero(value))  # type: ignore[call-overload]
         for name, value in flatten(mechanism).items()
     }
-    # The centre of a massless link has no effect.
-    used = {x: n for x, n in counts.items() if n and counts.get(x.replace('.center', '.mass'), n)}
-    known = _known(mechanism)
-    found = {name: {x: used[x] for x in _members(used, own)} for name, own in known.items()}
-    masses = any(name.endswith(('.mass', '.inertia')) for name in used)
-    return {
-        name: own for name, own in found.items()
-        # For a link without mass, 'crank' would repeat 'crank.inertia'.
-        if (own or (name == STATIC and masses)) and own != found.get(f'{name}.inertia')
-    }  # fmt: skip
+    massless_centers = {
+        name
+        for name in counts
+        if name.endswith('.center') and not counts.get(name.replace('.center', '.mass'), 1)
+    }
+    return {name: n for name, n in counts.items() if n and name not in massless_centers}
 
 
 def _members(values: Iterable[str], wanted: Iterable[str]) -> set[str]:
@@ -67,8 +82,8 @@ def _members(values: Iterable[str], wanted: Iterable[str]) -> set[str]:
 
 def without(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
     """Returns a copy of a mechanism in which the parameters of some terms are 0."""
-    values, known = flatten(mechanism), _known(mechanism)
-    left_out = [own for name in names for own in known.get(name, (name,))]
+    values, parameters = flatten(mechanism), _known(mechanism)
+    left_out = [own for name in names for own in parameters.get(name, (name,))]
     zeros: dict[str, object] = {
         name: (0.0, 0.0) if isinstance(values[name], tuple) else 0.0
         for name in _members(values, left_out) if not name.startswith('loads.')
@@ -149,21 +164,23 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
         The program. With friction, it iterates to find the joint forces.
     """
     if mechanism.joint_loads():
-        # At a millionth of the speed, the inertia torque is negligible.
-        pace, values = (1e-6 if static else 1.0), flatten(mechanism)
-        damped = {x: y / pace for x, y in values.items() if x.endswith('.damping')}  # type: ignore[operator]
+        # At a millionth of the speed, the inertia torque is negligible; the damping is increased
+        # to keep its torque.
+        slowing, values = (1e-6 if static else 1.0), flatten(mechanism)
+        damped = {x: y / slowing for x, y in values.items() if x.endswith('.damping')}  # type: ignore[operator]
         solver = Solver(changed(mechanism, damped))
 
-        def rubbing(angle: float, speed: float) -> tuple[Any]:
+        def torque_at(angle: float, speed: float) -> tuple[Any]:
             aside = float(beside_change_points(solver, angle))
-            return (solver.state(aside, pace * speed).torque,)
+            return (solver.state(aside, slowing * speed).torque,)
 
-        return TorqueProgram(rubbing, solver.tape)
+        return TorqueProgram(torque_at, solver.tape)
     model = Model.of(mechanism, mechanism.structure())
     return _program(_static_torque if static else torque, model, (('angle',), ('speed',)))
 
 
 def _static_torque(model: Model, q: tuple[Real], u: tuple[Real]) -> tuple[Real]:
+    """Computes the driving torque without inertia forces, by virtual power."""
     pose = model.loop.pose(q)
     rates = [link.jacobian[0] * u[0] for link in pose.links]
     acting = acting_forces(model, pose.links, rates)
@@ -187,12 +204,13 @@ def series_program(torques: Array, period: float, harmonics: int) -> TorqueProgr
 
 
 def _series_torque(series: Any, angle: Real, _: Real) -> tuple[Real]:
-    rate, mean, waves = series
-    wave = Vector.at(rate * angle)  # for Clenshaw summation
-    now = before = Vector(ZERO, ZERO)
-    for amplitude in reversed(waves):
-        now, before = amplitude + now * (2.0 * wave.x) - before, now
-    return (mean + (now.x * wave.x - before.x) + now.y * wave.y,)
+    """Sums a Fourier series by Clenshaw's recurrence, from the highest harmonic down."""
+    frequency, mean, amplitudes = series
+    wave = Vector.at(frequency * angle)
+    current = previous = Vector(ZERO, ZERO)
+    for amplitude in reversed(amplitudes):
+        current, previous = amplitude + current * (2.0 * wave.x) - previous, current
+    return (mean + (current.x * wave.x - previous.x) + current.y * wave.y,)
 
 
 def table_program(torques: Array, period: float) -> TorqueProgram:
@@ -205,13 +223,16 @@ def table_program(torques: Array, period: float) -> TorqueProgram:
     Returns:
         A program with the signature of the full program; it ignores the speed.
     """
-    nodes, rows = len(torques), (torques.tolist(), (np.roll(torques, -1) - torques).tolist())
-    value, slope = (Opaque(lambda i, row=row: row[i % nodes]) for row in rows)
-    return _program(_table_torque, (nodes / period, Opaque(math.floor), value, slope))
+    nodes, values = len(torques), torques.tolist()
+    steps = (np.roll(torques, -1) - torques).tolist()
+    value = Opaque(lambda i: values[i % nodes])
+    step = Opaque(lambda i: steps[i % nodes])
+    return _program(_table_torque, (nodes / period, Opaque(math.floor), value, step))
 
 
 def _table_torque(table: Any, angle: Real, _: Real) -> tuple[Real]:
-    per_angle, floor, value, slope = table
-    place = per_angle * angle
+    """Interpolates linearly in a table; see `table_program`."""
+    nodes_per_angle, floor, value, step = table
+    place = nodes_per_angle * angle
     node = floor(place)
-    return (value(node) + slope(node) * (place - node),)
+    return (value(node) + step(node) * (place - node),)

@@ -105,7 +105,7 @@ def test_flywheel_and_economy_pass_change_points_with_finite_forces():
     cycle = Crank(machine).cycle(-SPEED, 1e6)
     assert cycle.torque[0] == pytest.approx(period.mean_power / -SPEED, rel=1e-6)
     economy = Economy(machine, '')
-    *_, peak = economy._exact(-SPEED * 30 / math.pi)
+    peak = economy._full_torque(-SPEED * 30 / math.pi).peak
     torque = extent(period.x, period.columns['driving_torque'].values)
     assert peak == pytest.approx(max(torque.high, -torque.low), rel=1e-5)  # 1e-9 rad aside
 

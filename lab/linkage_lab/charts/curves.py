@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linkage_lab.command_line import QUANTITIES
 from linkage_lab.period import OVER_TIME, Extent, Period, extent
 from linkage_ros import palette
 from linkage_ros.formulas import Array
@@ -70,38 +69,41 @@ class Panel:
 
     def without_noise(self) -> 'Panel':
         """Returns the diagram with rounding errors removed from zero and constant values."""
-        finite = [np.where(np.isfinite(x.values), x.values, 0.0) for x in self.curves]
-        least = NOISE * max(np.abs(values).max() for values in finite)
+        finite = [curve.values[np.isfinite(curve.values)] for curve in self.curves]
+        least = NOISE * max(np.abs(values).max(initial=0.0) for values in finite)
         curves = list[Curve]()
-        for curve, values in zip(self.curves, finite, strict=True):
-            if np.isfinite(curve.values).all() and np.ptp(values) <= least:
+        for curve in self.curves:
+            values = curve.values
+            if np.isfinite(values).all() and np.ptp(values) <= least:  # it is constant
                 values = np.full_like(values, values[0])
-            else:
-                values = curve.values
             curves.append(replace(curve, values=np.where(np.abs(values) <= least, 0.0, values)))
         return replace(self, curves=curves)
 
     def measured(self) -> list[Extent]:
         """Finds the extreme values and the rms of each curve, without rounding errors."""
-        found = [extent(curve.period.x, curve.values) for curve in self.curves]
-        least = NOISE * max(max(-x.low, x.high) for x in found)
+        extents = [extent(curve.period.x, curve.values) for curve in self.curves]
+        least = NOISE * max(max(-one.low, one.high) for one in extents)
         return [
-            x._replace(
-                low=0.0 if abs(x.low) <= least else x.low,
-                high=0.0 if abs(x.high) <= least else x.high,
+            one._replace(
+                low=0.0 if abs(one.low) <= least else one.low,
+                high=0.0 if abs(one.high) <= least else one.high,
             )
-            for x in found
+            for one in extents
         ]
 
 
 def panels(period: Period, show: Collection[str]) -> list[Panel]:
     """Returns the diagrams of one mechanism; `show` are quantities of `QUANTITIES`."""
-    makers = {'torque': _effort_panels, 'load': _load_panels, 'point': _point_panels}
     found = list[Panel]()
-    for quantity in QUANTITIES:
+    for quantity in ('position', 'velocity', 'acceleration'):
         if quantity in show:
-            make = makers.get(quantity)
-            found += make(period) if make else _link_panels(period, quantity)
+            found += _link_panels(period, quantity)
+    if 'torque' in show:
+        found += _effort_panels(period)
+    if 'load' in show:
+        found += _load_panels(period)
+    if 'point' in show:
+        found += _point_panels(period)
     if 'shaking_moment' in period.columns:
         found += _reaction_panels(period)
     return [panel.without_noise() for panel in found]
@@ -119,16 +121,15 @@ def only_in_table(period: Period) -> list[Panel]:
 
 def compared(periods: Mapping[str, Period], show: Collection[str]) -> list[Panel]:
     """Returns the shared diagrams of several mechanisms: motion of the outputs, and torques."""
-    found = list[Panel]()
-    for quantity in QUANTITIES:
-        if quantity not in show or quantity in {'load', 'point'}:
+    first, found = next(iter(periods.values())), list[Panel]()
+    for quantity in ('position', 'velocity', 'acceleration', 'torque'):
+        if quantity not in show:
             continue
         curves = list[Curve]()
         for i, (design, period) in enumerate(periods.items()):
-            column = f'{period.solver.output}.{quantity}'
-            curve = _curve(period, period.effort if quantity == 'torque' else column)
+            of_output = f'{period.solver.output}.{quantity}'
+            curve = _curve(period, period.effort if quantity == 'torque' else of_output)
             curves.append(replace(curve, name=design, color=DESIGN_COLORS[i], dash=i))
-        first = next(iter(periods.values()))
         found += _by_unit(curves, first.effort_name if quantity == 'torque' else '')
     return [panel.without_noise() for panel in found]
 
@@ -165,12 +166,11 @@ def _point_panels(period: Period) -> Iterator[Panel]:
 
 def _link_panels(period: Period, quantity: str) -> Iterator[Panel]:
     """Yields the diagrams of positions, velocities or accelerations of the links."""
-    driven = period.driven.name
+    driven, shown = period.driven.name, [*period.solver.links]
     has_constant_rate = not np.ptp(period.motion(driven, 'velocity').values)
-    # The position of the driven link is the variable of the diagrams, unless that is the time.
-    says_nothing = has_constant_rate or quantity == 'position'
-    omitted = driven if says_nothing and period.across is not OVER_TIME else None
-    shown = [link for link in period.solver.links if link != omitted]
+    if period.across is not OVER_TIME and (has_constant_rate or quantity == 'position'):
+        # The position of the driven link is the variable of the diagrams.
+        shown.remove(driven)
     columns = {link: period.motion_column(link, quantity) for link in shown}
     yield from _by_unit([_of_link(period, column, link) for link, column in columns.items()])
 
@@ -178,14 +178,14 @@ def _link_panels(period: Period, quantity: str) -> Iterator[Panel]:
 def _reaction_panels(period: Period) -> Iterator[Panel]:
     """Yields the diagrams of joint forces, shaking force and shaking moment."""
     columns, structure = period.columns, period.solver.structure
-    links = {f'pin_{pin.name}': period.solver.links[pin.second] for pin in structure.pins}
+    link_of_pin = {f'pin_{pin.name}': period.solver.links[pin.second] for pin in structure.pins}
     forces = list[Curve]()
     for column in columns:
         name, _, kind = column.partition('.')
-        if kind == 'x' and name in links:
-            curve = _of_link(period, column, links[name])
-            size = np.hypot(*(columns[f'{name}.{axis}'].values for axis in 'xy'))
-            forces.append(replace(curve, name=name.removeprefix('pin_'), values=size))
+        if kind == 'x' and name in link_of_pin:
+            curve = _of_link(period, column, link_of_pin[name])
+            magnitude = np.hypot(columns[f'{name}.x'].values, columns[f'{name}.y'].values)
+            forces.append(replace(curve, name=name.removeprefix('pin_'), values=magnitude))
         elif kind == 'guide_force':
             forces.append(replace(_of_link(period, column, name), name=f'guide of {name}'))
     yield Panel('Joint forces', [replace(x, dash=i) for i, x in enumerate(forces)])

@@ -34,6 +34,7 @@ from linkage_lab.sampling import peaks, samples
 from linkage_lab.torque_models import STATIC, TorqueProgram
 from linkage_ros import ConfigurationError, Mechanism, MechanismError, Solver, cli, load
 from linkage_ros.formulas import Array
+from linkage_ros.internals import radians_per_second
 from linkage_ros.palette import (
     BLACK,
     BLUE,
@@ -93,6 +94,30 @@ _REDUCED = (
     _Curve('nodes of a table', _TABLES, 's', 5, ORANGE),
     _Curve('two point masses', {POINT_MASSES: ''}, '*', 9, PURPLE),
 )
+
+
+class _Model(NamedTuple):
+    """A model of the driving torque: its program, and the number of values that must be known."""
+
+    program: TorqueProgram
+    parameters: int
+
+
+class _FullTorque(NamedTuple):
+    """The driving torque of the full model at a crank speed.
+
+    Attributes:
+        program: Program of the model.
+        angles: Crank angles, rad, shape (n,).
+        torques: Torques at these angles, N m, shape (n,).
+        peak: Largest magnitude of the torque, also between these angles, N m.
+    """
+
+    program: TorqueProgram
+    angles: Array
+    torques: Array
+    peak: float
+
 
 # One simpler model at one speed, as in the JSON file:
 #   mechanism: name of the parameter file
@@ -194,11 +219,12 @@ class Economy:
         for rpm in progress(rpms, 'speeds'):
             models = self._models(rpm)
             for name, cost in costs.items():
-                about = {'mechanism': self._name, 'rpm': rpm, 'left_out': name}
-                saved = {word: full[word] - cost[word] for word in _COSTS}
-                of_full = {f'full_{word}': full[word] for word in _COSTS}
-                error = self._error(models[name][0], rpm)
-                savings.append({**about, 'error': error, **saved, **of_full})
+                savings.append({
+                    'mechanism': self._name, 'rpm': rpm, 'left_out': name,
+                    'error': self._error(models[name].program, rpm),
+                    **{word: full[word] - cost[word] for word in _COSTS},
+                    **{f'full_{word}': full[word] for word in _COSTS},
+                })  # fmt: skip
         return savings
 
     def sentence(self, rpm: float, tolerance: float, savings: Sequence[Saving]) -> str:
@@ -213,109 +239,116 @@ class Economy:
             One sentence, without an initial capital letter or a full stop.
         """
         errors = {x['left_out']: x['error'] for x in savings if x['rpm'] == rpm}
-        out: list[str] = []
-        for name in sorted(self.terms, key=lambda name: errors[name]):
-            if self._error(self._without(*out, name), rpm) <= tolerance:
-                out.append(name)
-        owned = {name: frozenset(counts) for name, counts in self.terms.items()}
-        gone = frozenset[str]().union(*(owned[name] for name in out))
-        left = {x: own for x, own in owned.items() if x != STATIC and not own <= gone}
-        needed = [x for x, own in left.items() if not any(own < other for other in left.values())]
-        largest = [x for x in out if not any(owned[x] < owned[y] for y in out)]
-        good = [name for name in errors if name not in self.terms and errors[name] <= tolerance]
-        smallest = [
-            words + next(x for x in good if kind in x)
-            for kind, words in ((POINT_MASSES, 'the '), ('harmonic', ''), ('table', 'a '))
-            if any(kind in x for x in good)
-        ]
-        return (
+        parameters = {name: frozenset(counts) for name, counts in self.terms.items()}
+        left_out = self._left_out(rpm, tolerance, errors)
+        unused = frozenset[str]().union(*(parameters[name] for name in left_out))
+        used = {
+            name: own for name, own in parameters.items() if name != STATIC and not own <= unused
+        }
+        text = (
             f'at {rpm:g} rpm, within {100 * tolerance:g} % of the peak, this mechanism needs '
-            f'{_listed(needed, "and")}; it can leave out {_listed(largest, "and")}'
-        ) + (f'; sufficient models: {_listed(smallest, "or")}' if good else '')
+            f'{_listed(_largest(used), "and")}; it can leave out '
+            f'{_listed(_largest({name: parameters[name] for name in left_out}), "and")}'
+        )
+        good = [name for name in errors if name not in self.terms and errors[name] <= tolerance]
+        return f'{text}; sufficient models: {_listed(_smallest(good), "or")}' if good else text
 
-    def _models(self, rpm: float) -> dict[str, tuple[TorqueProgram, int]]:
-        """Returns the program and the parameter count of each model at a speed, by name."""
-        known = {x: n for own in self.terms.values() for x, n in own.items()}
+    def _left_out(self, rpm: float, tolerance: float, errors: Mapping[str, float]) -> list[str]:
+        """Returns terms that can be omitted together, chosen in the order of their errors."""
+        left_out: list[str] = []
+        for name in sorted(self.terms, key=lambda name: errors[name]):
+            if self._error(self._without(*left_out, name), rpm) <= tolerance:
+                left_out.append(name)
+        return left_out
+
+    def _models(self, rpm: float) -> dict[str, _Model]:
+        """Returns each model at a speed, by name."""
+        # Terms share parameters, hence each is counted once.
+        known = {name: n for own in self.terms.values() for name, n in own.items()}
         count, full = sum(known.values()), self._without()
-        needs = {name: count - sum(own.values()) for name, own in self.terms.items()}
-        found = {name: (self._without(name), rest) for name, rest in needs.items()}
-        found[_FULL] = full, count
+        models = dict[str, _Model]()
+        for name, own in self.terms.items():
+            models[name] = _Model(self._without(name), count - sum(own.values()))
+        models[_FULL] = _Model(full, count)
         if reduced := torque_models.with_point_masses(self._mechanism):
-            found[POINT_MASSES] = torque_models.torque_program(reduced), needs['coupler'] + 2
+            program = torque_models.torque_program(reduced)
+            models[POINT_MASSES] = _Model(program, models['coupler'].parameters + 2)
         angles = np.arange(float(_SAMPLES)) * (self._period / _SAMPLES)
-        even = full.torques(angles, rpm * math.pi / 30)
+        torques = full.torques(angles, radians_per_second(rpm))
         for name, n in _HARMONICS.items():
-            found[name] = torque_models.series_program(even, self._period, n), 2 * n + 1
+            program = torque_models.series_program(torques, self._period, n)
+            models[name] = _Model(program, 2 * n + 1)
         for name, n in _TABLES.items():
-            nodes = even[:: _SAMPLES // n]
-            found[name] = torque_models.table_program(nodes, self._period), n
-        return found
+            program = torque_models.table_program(torques[:: _SAMPLES // n], self._period)
+            models[name] = _Model(program, n)
+        return models
 
     def _without(self, *names: str) -> TorqueProgram:
-        left = torque_models.without(self._mechanism, names)
-        return torque_models.torque_program(left, static=STATIC in names)
+        """Returns the program of the model without some terms."""
+        simpler = torque_models.without(self._mechanism, names)
+        return torque_models.torque_program(simpler, static=STATIC in names)
 
     def _costs(
-        self, models: dict[str, tuple[TorqueProgram, int]], rounds: Iterable[int]
+        self, models: Mapping[str, _Model], rounds: Iterable[int]
     ) -> dict[str, dict[str, float]]:
         """Returns the operations, microseconds and parameters of each model.
 
         The programs are timed in turn, so that a busy machine slows all of them equally.
         """
-        programs = {program.tape: program.scalar for program, _ in models.values()}
-        best = dict.fromkeys(programs, math.inf)
+        # Models with the same tape are the same program.
+        programs = {model.program.tape: model.program.scalar for model in models.values()}
+        shortest = dict.fromkeys(programs, math.inf)
         angles = self._solver.reach.samples()[::_TIMED].tolist()
         for _ in rounds:
             for tape, run in programs.items():
                 start = time.perf_counter()
                 for angle in angles:
                     run(angle, 1.0)
-                best[tape] = min(best[tape], time.perf_counter() - start)
+                shortest[tape] = min(shortest[tape], time.perf_counter() - start)
         return {
             name: {
-                'operations': tape.operations,
-                'microseconds': best[tape] / len(angles) * 1e6, 'parameters': count,
+                'operations': model.program.tape.operations,
+                'microseconds': shortest[model.program.tape] / len(angles) * 1e6,
+                'parameters': model.parameters,
             }
-            for name, ((_, tape), count) in models.items()
-        }  # fmt: skip
+            for name, model in models.items()
+        }
 
     def _error(self, program: TorqueProgram, rpm: float) -> float:
         """Computes a program's largest torque error, relative to the peak of the full torque."""
-        (exact, angles, full, peak), speed = self._exact(rpm), rpm * math.pi / 30
-        sampled = np.abs(program.torques(angles, speed) - full)
-        if sampled.max() < _ROUNDING * peak:
-            return float(sampled.max() / peak)
+        full, speed = self._full_torque(rpm), radians_per_second(rpm)
+        errors = np.abs(program.torques(full.angles, speed) - full.torques)
+        if errors.max() < _ROUNDING * full.peak:
+            return float(errors.max() / full.peak)
 
-        def error(places: Array) -> Array:
-            return np.abs(program.torques(places, speed) - exact.torques(places, speed))[None]
+        def errors_at(angles: Array) -> Array:
+            exact = full.program.torques(angles, speed)
+            return np.abs(program.torques(angles, speed) - exact)[None]
 
-        (largest,), _ = peaks(angles, sampled[None], error)
-        return float(largest / peak)
+        (largest,), _ = peaks(full.angles, errors[None], errors_at)
+        return float(largest / full.peak)
 
     @functools.cache  # noqa: B019
-    def _exact(self, rpm: float) -> tuple[TorqueProgram, Array, Array, float]:
-        """Computes the torques of the full model at crank angles, and their peak.
-
-        Returns:
-            The program; the crank angles, rad; the torques and the largest magnitude, N m.
+    def _full_torque(self, rpm: float) -> _FullTorque:
+        """Computes the torque of the full model at a speed.
 
         Raises:
-            MechanismError: They are 0.
+            MechanismError: It is 0.
         """
-        speed, program = rpm * math.pi / 30, self._without()
+        speed, program = radians_per_second(rpm), self._without()
         # Several angles between two nodes of the largest table; with friction, each takes long.
         steps = 720 if self._solver.model.joint_loads else 4 * max(_TABLES.values())
         angles = samples(self._solver, speed, steps)
-        found = program.torques(angles, speed)
-        if not found.any():
+        torques = program.torques(angles, speed)
+        if not torques.any():
             raise MechanismError(
                 f'{self._name} needs no torque at {rpm:g} rpm: give links masses or loads, or '
                 'choose other speeds (--rpm)'
             )
         (peak,), _ = peaks(
-            angles, np.abs(found)[None], lambda x: np.abs(program.torques(x, speed))[None]
+            angles, np.abs(torques)[None], lambda x: np.abs(program.torques(x, speed))[None]
         )
-        return program, angles, found, float(peak)
+        return _FullTorque(program, angles, torques, float(peak))
 
 
 def handover(savings: Sequence[Saving]) -> float | None:
@@ -330,6 +363,21 @@ def handover(savings: Sequence[Saving]) -> float | None:
     errors = {x['left_out']: x['error'] for x in savings if x['rpm'] == rpm}
     weights, inertia = errors.get('gravity'), errors.get(STATIC)
     return abs(rpm) * math.sqrt(weights / inertia) if weights and inertia else None
+
+
+def _largest(sets: Mapping[str, frozenset[str]]) -> list[str]:
+    """Returns the names of the sets that are not part of a larger one."""
+    return [name for name, own in sets.items() if not any(own < other for other in sets.values())]
+
+
+def _smallest(models: Sequence[str]) -> list[str]:
+    """Returns the first of the reduced models of each kind, with its article."""
+    found = list[str]()
+    for kind, article in ((POINT_MASSES, 'the '), ('harmonic', ''), ('table', 'a ')):
+        of_kind = [name for name in models if kind in name]
+        if of_kind:
+            found.append(article + of_kind[0])
+    return found
 
 
 def _listed(names: Sequence[str], word: str) -> str:
@@ -348,23 +396,29 @@ def _draw(
     files: Pictures,
 ) -> None:
     """Draws bars for each speed and, for one speed, the reduced models and a table of savings."""
-    own, heights = [x for x in savings if x['rpm'] == rpm], (3.7, 2.4 + 0.17 * len(terms))
-    words = textwrap.fill(f'{sentence[0].upper()}{sentence[1:]}.', 88)
-    with chart(files, sum(heights), words) as figure:
-        bars, reduced, table = figure.subplot_mosaic(
+    at_rpm, heights = [x for x in savings if x['rpm'] == rpm], (3.7, 2.4 + 0.17 * len(terms))
+    title = textwrap.fill(f'{sentence[0].upper()}{sentence[1:]}.', 88)
+    with chart(files, sum(heights), title) as figure:
+        panels = figure.subplot_mosaic(
             [['bars', 'bars'], ['reduced', 'table']], width_ratios=(1, 1.1), height_ratios=heights
-        ).values()
+        )
+        bars, reduced, table = panels['bars'], panels['reduced'], panels['table']
         _draw_bars(bars, savings, terms, colors)
-        _draw_reduced(reduced, own)
-        for axes, most in (bars, 1.5 * max(x['error'] for x in savings)), (reduced, 3.0):
-            axes.set(yscale='log', ylim=(_LEAST, most))
-            axes.axhline(tolerance, color=fractions(BLACK), linewidth=1.0, linestyle=':', zorder=3)
-            axes.yaxis.set_major_formatter('{x:g}')
-            axes.grid(visible=False, axis='x')
-        _write_table(table, own, terms)
+        _draw_reduced(reduced, at_rpm)
+        _format_errors(bars, 1.5 * max(x['error'] for x in savings), tolerance)
+        _format_errors(reduced, 3.0, tolerance)
+        _write_table(table, at_rpm, terms)
         table.legend(*reduced.get_legend_handles_labels(), loc='lower left', ncols=2)
         figure.draw_without_rendering()  # places the axes
         _place_labels(reduced)
+
+
+def _format_errors(axes: Axes, largest: float, tolerance: float) -> None:
+    """Formats the axis of errors, up to the largest one, and marks the tolerance."""
+    axes.set(yscale='log', ylim=(_LEAST, largest))
+    axes.axhline(tolerance, color=fractions(BLACK), linewidth=1.0, linestyle=':', zorder=3)
+    axes.yaxis.set_major_formatter('{x:g}')
+    axes.grid(visible=False, axis='x')
 
 
 def _draw_bars(
@@ -376,39 +430,52 @@ def _draw_bars(
     for i, name in enumerate(terms):
         places = np.arange(len(speeds)) + (i + 0.5) * width - _ROOM / 2
         errors = [x['error'] for x in savings if x['left_out'] == name]
-        group, _, part = name.partition('.')
-        color = _OTHERS.get(group) or colors.get(group)
-        shown = color or WHITE  # a load
         for place, error in zip(places, errors, strict=True):
             if error < _LEAST:  # too low to be drawn
                 word = '0' if error < _ROUNDING else '<'
                 axes.text(place, 1.15 * _LEAST, word, ha='center', fontsize=NUMBERS)
+        group, _, part = name.partition('.')
+        color = _OTHERS.get(group) or colors.get(group)
+        base, hatch = (color, '') if color else (WHITE, next(hatches))  # without a colour: a load
         axes.bar(
-            places, np.maximum(errors, _LEAST), width, label=name,
-            hatch='' if color else next(hatches), edgecolor=fractions(mixed(shown, BLACK, 0.4)),
-            color=fractions(mixed(shown, WHITE, 0.55) if part else shown),
+            places, np.maximum(errors, _LEAST), width, label=name, hatch=hatch,
+            edgecolor=fractions(mixed(base, BLACK, 0.4)),
+            color=fractions(mixed(base, WHITE, 0.55) if part else base),
         )  # fmt: skip
-    title, equal = 'Torque error, share of the peak torque', handover(savings)
-    names = [f'{rpm:g} rpm' for rpm in speeds]
-    if equal:
-        title += f'; weights and inertia are equal at {equal:.3g} rpm'
-        words = 'weights dominate', 'inertia dominates'
-        names = [f'{rpm:g} rpm\n{words[abs(rpm) > equal]}' for rpm in speeds]
-    axes.set_xticks(range(len(speeds)), names, fontsize=SMALL)
-    axes.tick_params(axis='x', length=0)
-    axes.set_xlim(-0.5, len(speeds) - 0.5)
-    axes.set_title(title, loc='left')
+    _name_speeds(axes, speeds, handover(savings))
     axes.legend(
         title='left out\n(0: no error,\n<: below the axis)', title_fontsize=SMALL,
         loc='center left', bbox_to_anchor=(1.0, 0.5), labelspacing=0.35,
     )  # fmt: skip
 
 
-def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
-    """Plots the torque errors of the reduced models against their computing time."""
-    full = own[0]['full_microseconds']
+def _name_speeds(axes: Axes, speeds: Sequence[float], equal: float | None) -> None:
+    """Writes the title, and below each group of bars its speed and what dominates.
+
+    Args:
+        axes: The axes.
+        speeds: The speeds, rpm.
+        equal: Speed at which weights and inertia contribute equally, rpm; None if there is none.
+    """
+    title = 'Torque error, share of the peak torque'
+    names = [f'{rpm:g} rpm' for rpm in speeds]
+    if equal:
+        title += f'; weights and inertia are equal at {equal:.3g} rpm'
+        names = [
+            f'{rpm:g} rpm\n{"inertia dominates" if abs(rpm) > equal else "weights dominate"}'
+            for rpm in speeds
+        ]
+    axes.set_title(title, loc='left')
+    axes.set_xticks(range(len(speeds)), names, fontsize=SMALL)
+    axes.tick_params(axis='x', length=0)
+    axes.set_xlim(-0.5, len(speeds) - 0.5)
+
+
+def _draw_reduced(axes: Axes, savings: Sequence[Saving]) -> None:
+    """Plots the torque errors of the reduced models against their computing time, at one speed."""
+    full = savings[0]['full_microseconds']
     for curve in _REDUCED:
-        shown = [x for x in own if x['left_out'] in curve.models and x['error'] > _LEAST]
+        shown = [x for x in savings if x['left_out'] in curve.models and x['error'] > _LEAST]
         if not shown:
             continue
         times = [full - x['microseconds'] for x in shown]
@@ -426,7 +493,7 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
     axes.axvline(full, color=fractions(BLACK), linewidth=1.2, label='full model')
     axes.set(
         xscale='log',
-        xlabel=f'Time to compute one torque at {own[0]["rpm"]:g} rpm, \N{MICRO SIGN}s',
+        xlabel=f'Time to compute one torque at {savings[0]["rpm"]:g} rpm, \N{MICRO SIGN}s',
     )  # fmt: skip
     axes.set_title('Torque error of reduced models', loc='left')
     axes.margins(x=0.08)
@@ -437,47 +504,47 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
 
 def _place_labels(axes: Axes) -> None:
     """Moves labels to where they cover no line and no other label; hides those without a place."""
-    markers = [
-        line.get_transform().transform(line.get_xydata())
-        for line in axes.lines if line.get_marker() != 'None'
-    ]  # fmt: skip
-    kept = [Bbox([point - _MARKER, point + _MARKER]) for points in markers for point in points]
+    occupied = list[Bbox]()  # by markers and labels
+    for line in axes.lines:
+        if line.get_marker() != 'None':
+            points = line.get_transform().transform(line.get_xydata())
+            occupied += [Bbox([point - _MARKER, point + _MARKER]) for point in points]
     paths = [line.get_transform().transform_path(line.get_path()) for line in axes.lines]
     for text in filter(Text.get_text, axes.texts):
         for offset, side, height in _BESIDE:
             text.set(position=offset, ha=side, va=height)
             box = text.get_window_extent()
-            is_free = not (
-                box.count_overlaps(kept)
-                or any(path.intersects_bbox(box, filled=False) for path in paths)
-            )
-            if is_free:
-                kept.append(box)
+            covers_line = any(path.intersects_bbox(box, filled=False) for path in paths)
+            if not covers_line and not box.count_overlaps(occupied):
+                occupied.append(box)
                 break
         else:
             text.set_visible(False)
 
 
-def _write_table(axes: Axes, own: Sequence[Saving], terms: Sequence[str]) -> None:
-    """Lists the costs of the full model and of each simpler model."""
-    full = {'left_out': _FULL, 'error': 0.0} | dict.fromkeys(_COSTS, 0)
-    line = '{name:19}{error:>8.3g}{operations:>8d}{microseconds:>8.1f}{parameters:>8d}'
-    words, *costs = (
-        line.format(
-            name=x['left_out'].removeprefix('coupler as '),
-            error=0.0 if x['error'] < _ROUNDING else x['error'],
-            **{word: own[0][f'full_{word}'] - x[word] for word in _COSTS},
-        )
-        for x in (full, *own) if x['left_out'] in (_FULL, *terms, POINT_MASSES)
-    )  # fmt: skip
-    at = f'at {own[0]["rpm"]:g} rpm'
+def _write_table(axes: Axes, savings: Sequence[Saving], terms: Sequence[str]) -> None:
+    """Lists the costs of the full model and of each simpler model, at one speed."""
+    full = {word: savings[0][f'full_{word}'] for word in _COSTS}
+    at = f'at {savings[0]["rpm"]:g} rpm'
     lines = [
         f'{"":19}{"":>8}{"oper-":>8}{"micro-":>8}{"para-":>8}',
         f'{at:19}{"error":>8}{"ations":>8}{"seconds":>8}{"meters":>8}',
-        words, 'without', *costs,
+        _table_line(_FULL, 0.0, full), 'without',
     ]  # fmt: skip
+    for saving in savings:
+        if saving['left_out'] in (*terms, POINT_MASSES):
+            costs = {word: full[word] - saving[word] for word in _COSTS}
+            lines.append(_table_line(saving['left_out'], saving['error'], costs))
     axes.set_axis_off()
     axes.text(
         0, 1, '\n'.join(lines), va='top', transform=axes.transAxes,
         family='monospace', fontsize=NUMBERS, linespacing=1.35,
     )  # fmt: skip
+
+
+def _table_line(name: str, error: float, costs: Mapping[str, Any]) -> str:
+    """Formats a line of the table; an error of rounding is 0."""
+    return (
+        f'{name.removeprefix("coupler as "):19}{0.0 if error < _ROUNDING else error:>8.3g}'
+        f'{costs["operations"]:>8d}{costs["microseconds"]:>8.1f}{costs["parameters"]:>8d}'
+    )

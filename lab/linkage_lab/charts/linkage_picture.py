@@ -68,6 +68,35 @@ class LinkagePicture:
             others: Other lines, which names should not cover, m, shapes (k, 2).
         """
         self._axes, self._drawing, self._others = axes, drawing, others
+        self._plot_ground_and_paths(positions)
+        places = drawing.place(shown)  # of the pins, shape (m, pins, 2)
+        # Lines at all shown positions make room for them; `move` replaces them.
+        self._links = {
+            link: self._plot(lines.reshape(-1, 2), drawing.colors[link], linewidth=2.6)
+            for link, lines in drawing.links(places).items()
+        }
+        pins = np.concatenate([drawing.pivots, places.reshape(-1, 2)])
+        self._pins = self._plot(pins, DARK, linestyle='', marker='o', markersize=3.5)
+        # The ground is drawn below the pivots, so their names are placed to the sides.
+        self._asides = [(pivot[0] - pins[:, 0].mean(), 0.0) for pivot in drawing.pivots]
+        scale_text = self._plot_scale()
+        halo = withStroke(linewidth=2.5, foreground='white')  # names may lie on paths
+        style = NAME_STYLE | {'ha': 'center', 'path_effects': [halo]}
+        self._names = [
+            axes.annotate('' if name == drawing.unnamed else name, (0, 0), xytext=(0, 0), **style)
+            for name in (*drawing.pivot_names, *drawing.pins)
+        ]
+        self._set_limits()
+        self.moving = [*self._links.values(), self._pins, *self._names]
+        self._points_per_pixel = 72 / axes.figure.dpi
+        boxes = [text.get_window_extent().get_points() for text in (scale_text, *self._names)]
+        self._scale_box, *corners = self._points_per_pixel * np.array(boxes)
+        self._sizes = np.ptp(corners, axis=1)
+        self.move(shown[0])
+
+    def _plot_ground_and_paths(self, positions: Array) -> None:
+        """Draws the ground, and the paths of the pins at these positions of the links."""
+        drawing = self._drawing
         tracks = drawing.place(positions)
         for line in drawing.ground:
             self._plot(line, GREY, linewidth=0.9)
@@ -75,52 +104,41 @@ class LinkagePicture:
             path = tracks[:, drawing.pins.index(pin)]
             width = 1.3 if pin in drawing.traced else 0.8
             self._plot(path, drawing.colors[owner], linewidth=width)
-        first, shown = shown[0], drawing.place(shown)
-        self._links = {
-            link: self._plot(lines.reshape(-1, 2), drawing.colors[link], linewidth=2.6)
-            for link, lines in drawing.links(shown).items()
-        }
-        pins = np.concatenate([drawing.pivots, shown.reshape(-1, 2)])
-        self._pins = self._plot(pins, DARK, linestyle='', marker='o', markersize=3.5)
-        # The ground is drawn below the pivots, so their names are placed to the sides.
-        self._asides = [(pivot[0] - pins[:, 0].mean(), 0.0) for pivot in drawing.pivots]
-        low, high = axes.dataLim.get_points()
-        scale = drawing.scale - drawing.scale.min(axis=0) + low - (0.0, 0.06 * (high - low).max())
+
+    def _plot_scale(self) -> Any:
+        """Draws the scale bar below all lines so far; returns the text of its length."""
+        drawing = self._drawing
+        low, high = self._axes.dataLim.get_points()
+        below = 0.0, 0.06 * (high - low).max()
+        scale = drawing.scale - drawing.scale.min(axis=0) + low - below
         self._plot(scale, GREY, linewidth=0.9)
         length = f'{drawing.scale_length:g} m'
-        unit = axes.annotate(length, tuple(scale[2]), xytext=(5, 0), **NAME_STYLE)
-        halo = withStroke(linewidth=2.5, foreground='white')  # names may lie on paths
-        names = (*drawing.pivot_names, *drawing.pins)
-        style = NAME_STYLE | {'ha': 'center', 'path_effects': [halo]}
-        self._names = [
-            axes.annotate('' if name == drawing.unnamed else name, (0, 0), xytext=(0, 0), **style)
-            for name in names
-        ]
+        return self._axes.annotate(length, tuple(scale[2]), xytext=(5, 0), **NAME_STYLE)
+
+    def _set_limits(self) -> None:
+        """Sets equal scales, and margins with room for names."""
+        axes = self._axes
         axes.set_aspect('equal')
         box, inch = axes.get_window_extent(), axes.figure.dpi
-        wide, high = (max(_MARGIN, _NAMES * inch / size) for size in (box.width, box.height))
-        axes.margins(wide, high)
+        axes.margins(
+            max(_MARGIN, _NAMES * inch / box.width), max(_MARGIN, _NAMES * inch / box.height)
+        )
         axes.set_axis_off()
         axes.apply_aspect()
-        self.moving = [*self._links.values(), self._pins, *self._names]
-        self._points_per_pixel = 72 / axes.figure.dpi  # per pixel
-        boxes = [text.get_window_extent().get_points() for text in (unit, *self._names)]
-        self._unit, *corners = self._points_per_pixel * np.array(boxes)
-        self._sizes = np.ptp(corners, axis=1)
-        self.move(first)
 
     def move(self, position: Array) -> None:
         """Shows the mechanism at a position of its links, shape (links,)."""
         drawing = self._drawing
-        now = drawing.place(position[np.newaxis])
-        for link, (line,) in drawing.links(now).items():
+        moving = drawing.place(position[np.newaxis])  # shape (1, pins, 2)
+        for link, (line,) in drawing.links(moving).items():
             self._links[link].set_data(*line.T)
-        pins = np.array([*drawing.pivots, *now[0]])
+        pins = np.array([*drawing.pivots, *moving[0]])
         self._pins.set_data(*pins.T)
-        ways = np.array([*self._asides, *(drawing.labels(now)[0] - now[0])])
-        at = self.to_points(pins)
-        self._taken = np.array([self._unit, *([pin - _PIN, pin + _PIN] for pin in at)])
-        places = self.free_places(at, ways, self._sizes, self._others)
+        preferred = np.array([*self._asides, *(drawing.labels(moving)[0] - moving[0])])
+        anchors = self.to_points(pins)
+        pin_boxes = [[anchor - _PIN, anchor + _PIN] for anchor in anchors]
+        self._occupied = np.array([self._scale_box, *pin_boxes])
+        places = self.free_places(anchors, preferred, self._sizes, self._others)
         for name, pin, place in zip(self._names, pins, places, strict=True):
             name.xy = tuple(pin)
             name.set_position(tuple(place.tolist()))
@@ -132,7 +150,7 @@ class LinkagePicture:
     def free_places(
         self,
         anchors: Array,
-        ways: Array,
+        preferred: Array,
         sizes: Array,
         lines: Sequence[Array] = (),
         distances: Sequence[float] = _DISTANCES,
@@ -144,7 +162,7 @@ class LinkagePicture:
 
         Args:
             anchors: Positions of what the names belong to, points, shape (n, 2).
-            ways: Preferred direction of each name from there, of the same shape.
+            preferred: Preferred direction of each name from there, of the same shape.
             sizes: Widths and heights of the names, points, of the same shape.
             lines: Lines that names should not cover, m, shapes (k, 2).
             distances: Distances of a name that are tried in turn, points.
@@ -152,22 +170,22 @@ class LinkagePicture:
         Returns:
             Positions of the names relative to the anchors, points.
         """
-        figure, axes = self._axes.figure, self._axes.get_position(original=True)
-        boxes = figure.bbox, axes.transformed(figure.transFigure)
-        page, room = (self._points_per_pixel * box.get_points() for box in boxes)
+        figure, position = self._axes.figure, self._axes.get_position(original=True)
+        page = self._points_per_pixel * figure.bbox.get_points()
+        inside = position.transformed(figure.transFigure).get_points() * self._points_per_pixel
         points = np.concatenate([np.empty((0, 2)), *(_dense(self.to_points(x)) for x in lines)])
-        far = np.repeat(distances, len(_TURNS)) / _AS_FAR
+        distance_costs = np.repeat(distances, len(_TURNS)) / _AS_FAR
         chosen = []
-        for anchor, way, size in zip(anchors, ways, sizes, strict=True):
-            places, half = _places(way, distances), 0.5 * size + 1.0
-            low, high = anchor + places - half, anchor + places + half
-            covers = (low[:, None] < self._taken[:, 1]) & (self._taken[:, 0] < high[:, None])
-            is_on = (low[:, None] < points) & (points < high[:, None])
-            is_cut, is_out = (((low < x[0]) | (x[1] < high)).any(axis=1) for x in (page, room))
-            covered = is_on.all(axis=2).sum(axis=1)
-            costs = covered + far, is_out, covers.all(axis=2).sum(axis=1), is_cut
+        for anchor, direction, size in zip(anchors, preferred, sizes, strict=True):
+            places, half = _places(direction, distances), 0.5 * size + 1.0
+            low, high = anchor + places - half, anchor + places + half  # corners of the name
+            covered_boxes = _count_overlaps(low, high, self._occupied[:, 0], self._occupied[:, 1])
+            covered_points = _count_overlaps(low, high, points, points)
+            is_cut, is_outside = _exceeds(low, high, page), _exceeds(low, high, inside)
+            # The last key of `lexsort` is the first criterion.
+            costs = covered_points + distance_costs, is_outside, covered_boxes, is_cut
             best = np.lexsort(costs)[0]  # the first of the best ones
-            self._taken = np.concatenate([self._taken, [[low[best], high[best]]]])
+            self._occupied = np.concatenate([self._occupied, [[low[best], high[best]]]])
             chosen.append(places[best])
         return chosen
 
@@ -176,15 +194,33 @@ class LinkagePicture:
         return self._axes.plot(*points.T, **style)[0]
 
 
-def _places(way: Array, distances: Sequence[float]) -> Array:
+def _count_overlaps(low: Array, high: Array, others_low: Array, others_high: Array) -> Any:
+    """Returns with how many of m boxes each of n boxes overlaps, shape (n,).
+
+    Args:
+        low: Lower left corners of the boxes, shape (n, 2).
+        high: Upper right corners of the boxes, shape (n, 2).
+        others_low: Lower left corners of the other boxes, shape (m, 2).
+        others_high: Upper right corners of the other boxes, shape (m, 2).
+    """
+    overlaps = (low[:, None] < others_high) & (others_low < high[:, None])
+    return overlaps.all(axis=2).sum(axis=1)
+
+
+def _exceeds(low: Array, high: Array, area: Array) -> Any:
+    """Returns whether each box exceeds an area, given its lower left and upper right corner."""
+    return ((low < area[0]) | (area[1] < high)).any(axis=1)
+
+
+def _places(preferred: Array, distances: Sequence[float]) -> Array:
     """Returns positions of a name relative to its pin, points, in the order of preference.
 
     Args:
-        way: Preferred direction of the name, shape (2,).
+        preferred: Preferred direction of the name, shape (2,).
         distances: Distances from the pin, points.
     """
-    turned = np.exp(1j * np.radians(_TURNS)) * complex(*way)
-    directions = turned / math.hypot(*way)
+    turned = np.exp(1j * np.radians(_TURNS)) * complex(*preferred)
+    directions = turned / math.hypot(*preferred)
     places = np.outer(distances, directions).ravel()  # the nearest ones first
     return np.stack([places.real, places.imag], axis=1)
 

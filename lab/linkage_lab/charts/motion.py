@@ -19,6 +19,8 @@ from linkage_lab.output import doubts, name_of, new_file, pictures, rounded, sav
 from linkage_lab.period import Period, extent, extents, period_to_show, stepped
 from linkage_ros import ConfigurationError, cli, load
 
+_PERIOD_OPTIONS = 'acceleration', 'reactions', 'fluctuation'  # of `period_to_show`
+
 
 def motion(options: argparse.Namespace) -> None:
     """Draws one period of a mechanism, or of several mechanisms side by side; writes a table.
@@ -31,46 +33,28 @@ def motion(options: argparse.Namespace) -> None:
     """
     designs = _designs(options)
     names = [*designs]
-    given = {
-        name: value
-        for name in ('acceleration', 'reactions', 'fluctuation')
-        if (value := getattr(options, name))
-    }
     stem = 'comparison' if len(names) > 1 else f'{names[0]}_motion'
     drawn, table = pictures(options, stem), new_file(options, options.out / f'{stem}.csv')
     flywheel = None
     if options.fluctuation is not None:
         flywheel = pictures(options, f'{names[0]}_flywheel')
+    given = {name: value for name in _PERIOD_OPTIONS if (value := getattr(options, name))}
     shown = [
         period_to_show(source, design, options.rpm, **given) for source, design in designs.values()
     ]
     linkages = {name: design for name, (_, design) in designs.items()}
     first = linkages[names[0]]
     periods = dict(zip(names, (period for period, _ in shown), strict=True))
-    period, title = shown[0]
-    if len({(one.across, one.effort) for one in periods.values()}) > 1:
-        raise ConfigurationError(
-            'a motion along a law is drawn over time, that of a driven slide over its position '
-            'and with its force, the others over the crank angle: draw them separately, or give '
-            '--rpm'
-        )
+    _require_one_axis(periods.values())
     driven = [] if options.acceleration else _driven_by_loads(linkages, periods)
     gaps = (period.gap_note for period in periods.values())
     cli.print_notes([*doubts(*linkages.values()), *gaps, *driven])
+    period, title = shown[0]
     if len(names) > 1:
         lines, remarks = _compare(periods, table), []
     else:
-        columns = period.with_gaps()
-        if options.csv is not None:
-            columns = stepped(period, options.csv, reactions=options.reactions)
-        head = [f'{name} [{unit}]' for name, (unit, _) in columns.items()]
-        rows = zip(*(values.tolist() for _, values in columns.values()), strict=True)
-        save_csv(table, head, ([None if x != x else x for x in row] for row in rows))
-        lines = [', '.join(title)]
-        kind, about = first.mechanism_words, title[1]
-        about = about if about.startswith(kind) else f'{kind}, {about}'  # as in the file's name
-        remarks = [about, *title[2:], f'mean power {rounded(_mean_power(period))} W',
-                   f'shown at {_place(period)}']  # fmt: skip
+        _save_table(period, options, table)
+        lines, remarks = [', '.join(title)], _remarks(first, period, title)
     files = [*drawn.paths, table]
     if flywheel is not None:
         from linkage_lab.charts.flywheel_sheet import size_flywheel  # needs SciPy
@@ -86,23 +70,61 @@ def motion(options: argparse.Namespace) -> None:
         print(*lines, *files, sep='\n')
 
 
+def _require_one_axis(periods: Iterable[Period]) -> None:
+    """Requires motions that can be drawn over the same axis.
+
+    Raises:
+        ConfigurationError: They have different variables, or efforts of different kinds.
+    """
+    if len({(period.across, period.effort) for period in periods}) > 1:
+        raise ConfigurationError(
+            'a motion along a law is drawn over time, that of a driven slide over its position '
+            'and with its force, the others over the crank angle: draw them separately, or give '
+            '--rpm'
+        )
+
+
+def _save_table(period: Period, options: argparse.Namespace, path: Path) -> None:
+    """Writes the columns of a period, or with --csv at even steps, as CSV.
+
+    Raises:
+        ConfigurationError: The file cannot be written, or even steps are not possible.
+    """
+    columns = period.with_gaps()
+    if options.csv is not None:
+        columns = stepped(period, options.csv, reactions=options.reactions)
+    head = [f'{name} [{unit}]' for name, (unit, _) in columns.items()]
+    rows = zip(*(column.values.tolist() for column in columns.values()), strict=True)
+    save_csv(path, head, ([None if math.isnan(x) else x for x in row] for row in rows))
+
+
+def _remarks(design: Any, period: Period, title: Sequence[str]) -> list[str]:
+    """Returns the description of one mechanism on its sheet."""
+    kind, (_, about, *further) = design.mechanism_words, title
+    return [
+        about if about.startswith(kind) else f'{kind}, {about}',  # if the file's name is the kind
+        *further,
+        f'mean power {rounded(_mean_power(period))} W',
+        f'shown at {_place(period)}',
+    ]
+
+
 def _as_json(
     periods: Mapping[str, Period], lines: Sequence[str], files: Iterable[Path]
 ) -> dict[str, Any]:
     """Returns the mean power and the extent of each quantity over the period, by design."""
-    found = {}
+    designs = {}
     for name, period in periods.items():
-        values = np.array([column.values for column in period.columns.values()])
-        found[name] = {
+        columns = period.columns
+        found = extents(period.x, np.array([column.values for column in columns.values()]))
+        designs[name] = {
             'mean_power': _mean_power(period),
             'quantities': {
-                quantity: {'unit': column.unit, **each._asdict()}
-                for (quantity, column), each in zip(
-                    period.columns.items(), extents(period.x, values), strict=True
-                )
+                quantity: {'unit': column.unit, **extent._asdict()}
+                for (quantity, column), extent in zip(columns.items(), found, strict=True)
             },
         }
-    return {'text': [*lines], 'files': [*map(str, files)], 'designs': found}
+    return {'text': [*lines], 'files': [*map(str, files)], 'designs': designs}
 
 
 def _mean_power(period: Period) -> float:
@@ -130,8 +152,8 @@ def _designs(options: argparse.Namespace) -> dict[str, tuple[str, Any]]:
     """
     chosen = options.linkage or ['']
     count, most = len(options.params) * len(chosen), len(DESIGN_COLORS)
-    single = [x for x in ('fluctuation', 'csv') if getattr(options, x) is not None]
-    if count > most or (count > 1 and single):
+    is_for_one = options.fluctuation is not None or options.csv is not None
+    if count > most or (count > 1 and is_for_one):
         raise ConfigurationError(
             f'{count} mechanisms: must be at most {most}, and only one with --fluctuation or --csv'
         )
@@ -170,28 +192,30 @@ def _compare(periods: Mapping[str, Period], path: Path) -> list[str]:
 
 def _measures(period: Period) -> dict[str, float | None]:
     """Computes the measures of a design by name and unit; None if a measure does not apply."""
-    solver, columns = period.solver, period.columns
-    link, found = solver.structure.links[solver.structure.output_index], period.travel
-    way, torque = (
-        extent(period.x, column.values)
-        for column in (period.motion(link.name, 'position'), columns[period.effort])
-    )
-    ends = found.extremes if found else (way.low, way.high)
-    span = ends and ends[1] - ends[0]  # None for a link that turns fully
-    angles = found.transmission if found else None
+    structure, columns, travel = period.solver.structure, period.columns, period.travel
+    output = structure.links[structure.output_index]
+    position = extent(period.x, period.motion(output.name, 'position').values)
+    extremes = travel.extremes if travel else (position.low, position.high)
+    distance = extremes[1] - extremes[0] if extremes else None  # None if it turns fully
+    transmission = None
+    if travel and travel.transmission:
+        smallest, largest = travel.transmission
+        transmission = math.degrees(min(smallest, math.pi - largest))
+    effort = extent(period.x, columns[period.effort].values)
     word, unit = period.effort.removeprefix('driving_'), period.driven.units.effort
-    force = [columns[name].values for name in columns if name.startswith('shaking_force')]
+    shaking_force = None
+    if 'shaking_force.x' in columns:
+        components = (columns[f'shaking_force.{axis}'].values for axis in 'xy')
+        shaking_force = extent(period.x, np.hypot(*components)).high
     return {
-        'swing [deg]': None if link.slides or span is None else math.degrees(span),
-        'stroke [m]': span if link.slides else None,
-        'time ratio': found.time_ratio if found else None,
-        'least transmission angle [deg]': (
-            math.degrees(min(angles[0], math.pi - angles[1])) if angles else None
-        ),
-        f'peak {word} [{unit}]': max(-torque.low, torque.high),
-        f'rms {word} [{unit}]': torque.rms,
+        'swing [deg]': None if output.slides or distance is None else math.degrees(distance),
+        'stroke [m]': distance if output.slides else None,
+        'time ratio': travel.time_ratio if travel else None,
+        'least transmission angle [deg]': transmission,
+        f'peak {word} [{unit}]': max(-effort.low, effort.high),
+        f'rms {word} [{unit}]': effort.rms,
         'mean power [W]': _mean_power(period),
-        'peak shaking force [N]': extent(period.x, np.hypot(*force)).high if force else None,
+        'peak shaking force [N]': shaking_force,
     }
 
 

@@ -64,6 +64,14 @@ class _Row(NamedTuple):
     curve: Curve | None = None
 
 
+class _Entry(NamedTuple):
+    """A row of the table before it is aligned; a heading has no numbers."""
+
+    name: str
+    curve: Curve | None = None
+    numbers: str = ''
+
+
 class _Layout(NamedTuple):
     """Where the parts of a sheet are, inches from its upper left corner.
 
@@ -109,32 +117,45 @@ def draw_sheet(
         options: Parsed command-line options: diagrams and dimensions.
         files: The files.
     """
-    first, *others = periods.values()
-    found = compared(periods, options.show) if others else panels(first, options.show)
-    drawn = [panel for panel in found if not panel.is_constant]
-    lines = [*lines, *(_constant(panel) for panel in found if panel.is_constant)]
-    table = _table(drawn, [] if others else only_in_table(first), first)
+    first, is_comparison = next(iter(periods.values())), len(periods) > 1
+    diagrams = compared(periods, options.show) if is_comparison else panels(first, options.show)
+    drawn = [panel for panel in diagrams if not panel.is_constant]
+    lines = [*lines, *(_constant(panel) for panel in diagrams if panel.is_constant)]
+    table = _table(drawn, [] if is_comparison else only_in_table(first), first)
     # A wide sketch, or several, are above the text.
-    one = next(iter(sketches.values()))
-    above = bool(others) or proportion(one.drawing, first.rows('position')) > WIDE
+    sketched = next(iter(sketches.values()))
+    is_wide = proportion(sketched.drawing, first.rows('position')) > WIDE
+    above = is_comparison or is_wide
     notes = [part for line in lines for part in _wrapped(line, 44 if above else 60)]
-    least = _LARGER * options.dimensions + (_ABOVE + 0.4 * bool(others) if above else _SKETCH)
+    least = _SKETCH
+    if above:
+        least = _ABOVE + 0.4 if is_comparison else _ABOVE
+    if options.dimensions:
+        least += _LARGER
     layout = _layout(drawn, len(notes), len(table), least, above=above)
-    if others:  # the curves have the colours of the designs, not of their links
-        for sketched, color in zip(sketches.values(), DESIGN_COLORS, strict=False):
-            sketched.drawing.colors = dict.fromkeys(sketched.drawing.joints, color)
+    if is_comparison:  # the curves have the colours of the designs, not of their links
+        for one, color in zip(sketches.values(), DESIGN_COLORS, strict=False):
+            one.drawing.colors = dict.fromkeys(one.drawing.joints, color)
     with chart(files, layout.height, layout=None) as figure:
         _draw_sketches(figure, sketches, layout, with_dimensions=options.dimensions)
-        left, start = (0.4, layout.sketch) if above else (_BESIDE + 0.1, 0.15)
-        figure.text(
-            left / WIDTH, 1 - start / layout.height, '\n'.join(notes), fontsize=TEXT, va='top',
-            linespacing=1.3,
-        )  # fmt: skip
-        if above:
-            room = WIDTH - _SAMPLE - _CHARACTER * max((len(x.words) for x in table), default=0)
-            left = room - 0.3 if notes else 0.5 * room
-        _write_table(figure, table, left, start if above else start + layout.said)
+        _write_text(figure, notes, table, layout)
         _draw_panels(figure, drawn, first, layout)
+
+
+def _write_text(
+    figure: Figure, notes: Sequence[str], table: Sequence[_Row], layout: _Layout
+) -> None:
+    """Writes the description and the table: side by side below the sketch, or beside it."""
+    left, top = (0.4, layout.sketch) if layout.above else (_BESIDE + 0.1, 0.15)
+    figure.text(
+        left / WIDTH, 1 - top / layout.height, '\n'.join(notes), fontsize=TEXT, va='top',
+        linespacing=1.3,
+    )  # fmt: skip
+    if not layout.above:
+        _write_table(figure, table, left, top + layout.said)
+        return
+    room = WIDTH - _SAMPLE - _CHARACTER * max((len(row.words) for row in table), default=0)
+    _write_table(figure, table, room - 0.3 if notes else 0.5 * room, top)
 
 
 def _layout(
@@ -150,13 +171,16 @@ def _layout(
         above: See `_Layout`.
     """
     said = _LINE * notes + 0.15 if notes else 0.0
-    written = _ROWS * rows + 0.1
-    sketch = least if above else max(least, said + written)
-    top = sketch + max(said, written) * above
+    table = _ROWS * rows + 0.1
+    if above:
+        sketch = least
+        top = sketch + max(said, table)
+    else:
+        sketch = top = max(least, said + table)
     columns = 1 if len(drawn) <= _SINGLE else 2
     down = math.ceil(len(drawn) / columns)
     row = min(_ROW, (_TALLEST - top - _FOOT) / max(1, down) - _TITLE)
-    names = NAME * max((len(x.curves) for x in drawn if x.has_names), default=0)
+    names = NAME * max((len(panel.curves) for panel in drawn if panel.has_names), default=0)
     return _Layout(above, sketch, said, top, columns, down, max(row, names))
 
 
@@ -186,23 +210,27 @@ def _constant(panel: Panel) -> str:
 def _wrapped(text: str, width: int) -> list[str]:
     """Wraps text; keeps numbers and units together."""
     bound = re.sub(r'(?<=\d) (?=[a-zA-Z])|(?<=N) (?=m)', '\N{NO-BREAK SPACE}', text)
-    return [x.replace('\N{NO-BREAK SPACE}', ' ') for x in textwrap.wrap(bound, width)]
+    return [line.replace('\N{NO-BREAK SPACE}', ' ') for line in textwrap.wrap(bound, width)]
 
 
 def _table(drawn: Sequence[Panel], others: Sequence[Panel], period: Period) -> list[_Row]:
     """Makes the rows of the table, grouped by diagram, then those of quantities without one."""
-    found = list[tuple[str, Curve | None, str]]()  # name, curve to show, numbers
+    entries = list[_Entry]()
     for panel in (*drawn, *others):
-        alone = len(panel.curves) == 1 and len(panel.heading) <= _HEADING
-        found += [] if alone else [(panel.heading, None, '')]
-        for curve, extent_ in zip(panel.curves, panel.measured(), strict=True):
-            name = panel.heading if alone else f'  {_short(curve.name)}'
-            found.append((name, None if panel in others else curve, _numbers(period, extent_)))
-    if not found:
+        is_one_line = len(panel.curves) == 1 and len(panel.heading) <= _HEADING
+        if not is_one_line:
+            entries.append(_Entry(panel.heading))
+        for curve, extent in zip(panel.curves, panel.measured(), strict=True):
+            name = panel.heading if is_one_line else f'  {_short(curve.name)}'
+            sample = None if panel in others else curve
+            entries.append(_Entry(name, sample, _numbers(period, extent)))
+    if not entries:
         return []
-    wide, at = max(len(name) for name, _, x in found if x), f'at {period.across.unit}'
+    wide = max(len(entry.name) for entry in entries if entry.numbers)
+    at = f'at {period.across.unit}'
     heading = f'{"":<{wide}}{"min":>10}{at:>7}{"max":>10}{at:>7}{"rms":>10}'
-    return [_Row(heading), *(_Row(f'{name:<{wide}}{x}', curve) for name, curve, x in found)]
+    rows = [_Row(f'{entry.name:<{wide}}{entry.numbers}', entry.curve) for entry in entries]
+    return [_Row(heading), *rows]
 
 
 def _numbers(period: Period, found: Extent) -> str:
@@ -247,8 +275,8 @@ def _draw_panels(figure: Figure, drawn: Sequence[Panel], period: Period, layout:
     for column in range(columns):
         group = drawn[column * down : (column + 1) * down]
         letters = max((_letters(panel) for panel in group), default=0)
-        names = LEADER + 0.05 + _LETTER * letters if letters else _RIGHT
-        left, wide = column * WIDTH / columns + _LEFT, WIDTH / columns - _LEFT - names
+        right = LEADER + 0.05 + _LETTER * letters if letters else _RIGHT
+        left, wide = column * WIDTH / columns + _LEFT, WIDTH / columns - _LEFT - right
         for i, panel in enumerate(group):
             y = layout.top + i * (high + _TITLE) + _TITLE
             axes = figure.add_axes(box(layout.height, left, y, wide, high))

@@ -39,6 +39,9 @@ _SECONDS = 3.0  # duration of a crank turn in the movie
 _RATE = 20  # frames per second
 # Inches, of a film with linkage and torque side by side, and one below the other; pixels per inch.
 _SIZE, _HIGH, _DPI = (8.0, 4.2), (8.0, 5.4), 90
+# The axes of linkage and torque in both: left, bottom, width and height as shares of the film.
+_SIDE_BY_SIDE = (0.02, 0.06, 0.5, 0.78), (0.62, 0.16, 0.35, 0.66)
+_STACKED = (0.04, 0.47, 0.92, 0.4), (0.1, 0.11, 0.87, 0.32)
 _NEARLY_WHITE = 252  # of 255
 _APART = 12.0  # of the name of a spring or of its pin, points
 _PACES = 4  # slower, and faster, playing speeds on a page
@@ -86,13 +89,13 @@ def page_of(design: Any, period: Period, name: str, words: str) -> str:
         name: Name of the mechanism.
         words: Description of the mechanism and its motion.
     """
-    series = [digit * 10.0**k for k in range(-9, 10) for digit in (1, 2, 5)]
-    pace = _pace(period)
-    nearest = min(range(len(series)), key=lambda i: abs(math.log(series[i] / pace)))
-    paces = sorted({1.0, *series[nearest - _PACES : nearest + _PACES + 1]})
+    round_paces = [digit * 10.0**k for k in range(-9, 10) for digit in (1, 2, 5)]
+    pace, indices = _pace(period), range(len(round_paces))
+    nearest = min(indices, key=lambda i: abs(math.log(round_paces[i] / pace)))
+    offered = sorted({1.0, *round_paces[nearest - _PACES : nearest + _PACES + 1]})
     structure = period.solver.structure
     return movie_page(
-        name, words, period, [(x, _slower(x)) for x in paces], series[nearest],
+        name, words, period, [(one, _slower(one)) for one in offered], round_paces[nearest],
         spring_lines(design, structure, period.rows('position')),
         pins_of_cylinders(design, structure),
     )  # fmt: skip
@@ -114,40 +117,58 @@ def _slower(pace: float) -> str:
 def _film(design: Any, period: Period, name: str, words: str) -> Iterator[Image.Image]:
     """Yields pictures of the moving mechanism, and its torque up to the current crank angle."""
     samples, positions = _frames(period), period.rows('position')
-    marks, torque = period.marks, period.columns[period.effort].values
     with rc_context(STYLE):
-        size, places = _SIZE, ((0.02, 0.06, 0.5, 0.78), (0.62, 0.16, 0.35, 0.66))
+        size, (linkage_place, diagram_place) = _SIZE, _SIDE_BY_SIDE
         if proportion(period.drawing, positions) > WIDE:
-            size, places = _HIGH, ((0.04, 0.47, 0.92, 0.4), (0.1, 0.11, 0.87, 0.32))
+            size, (linkage_place, diagram_place) = _HIGH, _STACKED
         figure = Figure(figsize=size, dpi=_DPI)
         canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
         figure.text(0.02, 1 - 0.25 / size[1], name, weight='bold', fontsize=TEXT)
         figure.text(0.02, 1 - 0.48 / size[1], words)
-        linkage, axes = map(figure.add_axes, places)
+        linkage = figure.add_axes(linkage_place)
         springs = _Springs(linkage, design, period)
         picture = LinkagePicture(linkage, period.drawing, positions, positions[samples])
-        axes.plot(marks, torque, color='0.8', linewidth=1.2)
-        axes.set_ylim(shown_range([torque], axes.get_ylim()))
-        color = fractions(period.colors[period.driven.name])
-        (drawn,) = axes.plot([], [], color=color, linewidth=1.8)
-        (dot,) = axes.plot([], [], 'o', color=fractions(DARK), markersize=5)
-        over(axes, period, period.effort_title, 4)
-        axes.set_xlabel(f'{period.across.name}, {period.across.unit}')
+        diagram = _Diagram(figure.add_axes(diagram_place), period)
         # Only what moves is drawn again for each picture.
-        moving = [*springs.moving, *picture.moving, drawn, dot]
+        moving = [*springs.moving, *picture.moving, *diagram.moving]
         for artist in moving:
             artist.set_animated(True)
         canvas.draw()
-        still = canvas.copy_from_bbox(figure.bbox)
+        background = canvas.copy_from_bbox(figure.bbox)
         for sample in progress(samples, 'frames'):
-            canvas.restore_region(still)
+            canvas.restore_region(background)
             springs.move(sample)
             picture.move(positions[sample])
-            drawn.set_data(marks[: sample + 1], torque[: sample + 1])
-            dot.set_data(marks[sample : sample + 1], torque[sample : sample + 1])
+            diagram.move(sample)
             for artist in moving:
                 figure.draw_artist(artist)
             yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+
+
+class _Diagram:
+    """The driving torque or force over the period in a film, up to the current sample.
+
+    Attributes:
+        moving: Artists that `move` changes, from back to front.
+    """
+
+    def __init__(self, axes: Axes, period: Period) -> None:
+        """Draws the whole curve in grey."""
+        self._marks, self._effort = period.marks, period.columns[period.effort].values
+        axes.plot(self._marks, self._effort, color='0.8', linewidth=1.2)
+        axes.set_ylim(shown_range([self._effort], axes.get_ylim()))
+        color = fractions(period.colors[period.driven.name])
+        (self._curve,) = axes.plot([], [], color=color, linewidth=1.8)
+        (self._dot,) = axes.plot([], [], 'o', color=fractions(DARK), markersize=5)
+        over(axes, period, period.effort_title, 4)
+        axes.set_xlabel(f'{period.across.name}, {period.across.unit}')
+        self.moving = [self._curve, self._dot]
+
+    def move(self, sample: int) -> None:
+        """Shows a sample of the period."""
+        self._curve.set_data(self._marks[: sample + 1], self._effort[: sample + 1])
+        here = slice(sample, sample + 1)
+        self._dot.set_data(self._marks[here], self._effort[here])
 
 
 class _Springs:
@@ -183,11 +204,12 @@ class _Springs:
 def _save_gif(pictures: Iterator[Image.Image], path: Path) -> None:
     """Saves an animation with the colours of its first picture."""
     first = next(pictures).quantize(method=Image.Quantize.FASTOCTREE)
-    # The mean of a cell of colours with white in it is not white.
-    first.putpalette([255 if part > _NEARLY_WHITE else part for part in first.getpalette() or ()])
-    rest = [picture.quantize(palette=first, dither=Image.Dither.NONE) for picture in pictures]
+    # A palette colour is the mean of similar ones: that of white and others is not white.
+    palette = first.getpalette() or ()
+    first.putpalette([255 if part > _NEARLY_WHITE else part for part in palette])
+    others = [picture.quantize(palette=first, dither=Image.Dither.NONE) for picture in pictures]
     first.save(
-        path, format='GIF', save_all=True, append_images=rest, duration=1000 // _RATE, loop=0
+        path, format='GIF', save_all=True, append_images=others, duration=1000 // _RATE, loop=0
     )
 
 
@@ -198,15 +220,16 @@ def _save_mp4(pictures: Iterator[Image.Image], path: Path) -> None:
         OSError: ffmpeg failed.
     """
     first = next(pictures)
-    given = '-f', 'rawvideo', '-pix_fmt', 'rgb24', '-s', '{}x{}'.format(*first.size)
-    made = '-pix_fmt', 'yuv420p', '-f', 'mp4', '-y'
-    done = subprocess.run(  # noqa: S603
-        ['ffmpeg', '-loglevel', 'error', *given, '-r', str(_RATE), '-i', '-', *made, path],  # noqa: S607
-        input=first.tobytes() + b''.join(x.tobytes() for x in pictures),
+    width, height = first.size
+    raw = '-f', 'rawvideo', '-pix_fmt', 'rgb24', '-s', f'{width}x{height}', '-r', str(_RATE)
+    encoded = '-pix_fmt', 'yuv420p', '-f', 'mp4', '-y'
+    process = subprocess.run(  # noqa: S603
+        ['ffmpeg', '-loglevel', 'error', *raw, '-i', '-', *encoded, path],  # noqa: S607
+        input=b''.join(picture.tobytes() for picture in (first, *pictures)),
         stderr=subprocess.PIPE, check=False,
     )  # fmt: skip
-    if done.returncode:
-        raise OSError(done.stderr.decode(errors='replace').strip())
+    if process.returncode:
+        raise OSError(process.stderr.decode(errors='replace').strip())
 
 
 def _frames(period: Period) -> list[int]:

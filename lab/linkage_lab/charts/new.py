@@ -4,7 +4,7 @@
 
 import argparse
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING
 
 from linkage_ros import ConfigurationError, TracedPoint
@@ -99,27 +99,43 @@ def parameter_file(kind: str) -> str:
 def _tree(
     known: Iterable[Leaf], values: Mapping[str, object], defaults: Mapping[str, object]
 ) -> Iterator[str]:
-    """Yields a line for each group and each parameter."""
-    above: tuple[str, ...] = ()
+    """Yields a line for each group and each parameter.
+
+    Args:
+        known: All parameters of the mechanism and its drive.
+        values: Values that the file gives, by dotted name.
+        defaults: Values of all parameters, by dotted name.
+    """
+    groups_before = list[str]()
     explained = set[tuple[str, ...]]()
     for name, quantity, _ in known:
         *groups, key = name.split('.')
-        # The same for all pins, all links and all slides of a drawing.
-        place = (*groups[:2], *groups[3:], *([] if groups == ['drawing', 'pins'] else [key]))
-        is_first = place not in explained
-        explained.add(place)
+        explanation = _explanation_key(groups, key)
+        is_first = explanation not in explained
+        explained.add(explanation)
         if not is_first and name not in values:
             continue
         for i, group in enumerate(groups):
-            if above[: i + 1] != (*groups[: i + 1],):
-                start = '.'.join(groups[: i + 1]) + '.'
+            path = groups[: i + 1]
+            if groups_before[: i + 1] != path:  # the group begins here
+                start = '.'.join(path) + '.'
                 has_value = any(x.startswith(start) for x in values)
                 yield _line(i, f'{group}:', is_given=has_value)
-        above = (*groups,)
+        groups_before = groups
         value = values.get(name, defaults.get(name))
         words = _words(quantity) if is_first else ''
         text = '' if value is None else f' {_text(value)}'
         yield _line(len(groups), f'{key}:{text}', words, is_given=name in values)
+
+
+def _explanation_key(groups: Sequence[str], key: str) -> tuple[str, ...]:
+    """Returns a key that is the same for parameters that need one explanation.
+
+    These are all pins of a drawing, and the same parameter of all its links and of all its slides.
+    """
+    if groups == ['drawing', 'pins']:
+        return 'drawing', 'pins'
+    return *groups[:2], *groups[3:], key  # without the name of the link
 
 
 def _words(quantity: Quantity) -> str:

@@ -5,7 +5,7 @@
 import argparse
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -17,8 +17,8 @@ from linkage_lab.output import (
 )
 from linkage_lab.period import SLIDING, TURNING
 from linkage_lab.sampling import without_loads
-from linkage_ros import ConfigurationError, LinkageError, Mechanism, Solver, cli
-from linkage_ros.internals import STANDARD_OUTPUT
+from linkage_ros import ConfigurationError, LinkageError, Mechanism, Solver, State, cli
+from linkage_ros.internals import STANDARD_OUTPUT, radians_per_second
 from linkage_ros.quantities import Angle
 
 _MOST, _TRIED = 16, 1024  # assemblies shown, and tried
@@ -115,7 +115,7 @@ def position_and_speed(design: Any, options: argparse.Namespace) -> tuple[float,
     own = getattr(design.drive, 'rpm', getattr(design.drive, 'start_rpm', 0.0))
     rpm = own if options.rpm is None else options.rpm
     moves = f'{math.degrees(place):.6g} deg, {rpm:g} rpm, {options.acceleration:g} rad/s^2'
-    return place, rpm * math.pi / 30, f'{driven.name} at {moves}'
+    return place, radians_per_second(rpm), f'{driven.name} at {moves}'
 
 
 def snapshots(
@@ -139,7 +139,7 @@ def snapshots(
     found, refusals, notes = list[Snapshot](), list[LinkageError](), list[str]()
     for words, mechanism in assemblies(design.mechanism):
         try:
-            one = _snapshot(words, mechanism, design.drive, (place, speed, acceleration))
+            one = _snapshot(words, mechanism, design.drive, place, speed, acceleration)
         except LinkageError as error:
             if not found and not refusals:
                 notes.append(f'{words}: {error}')
@@ -194,7 +194,7 @@ def _own_first(own: str) -> list[str]:
 
 
 def _snapshot(
-    words: str, mechanism: Mechanism, drive: Any, given: tuple[float, float, float]
+    words: str, mechanism: Mechanism, drive: Any, place: float, speed: float, acceleration: float
 ) -> Snapshot:
     """Computes one assembly.
 
@@ -202,108 +202,124 @@ def _snapshot(
         words: Name of the assembly.
         mechanism: The mechanism in this assembly.
         drive: The drive, whose motor accelerates a wind pump.
-        given: Position, rate and acceleration of the driven joint.
+        place: Position of the driven joint.
+        speed: Its rate.
+        acceleration: Its acceleration, which is not used for a wind pump.
 
     Raises:
         LinkageError: The assembly does not exist at this position.
     """
     solver = Solver(mechanism)
-    place, speed, acceleration = given
-    positions, rates = mechanism.start()
+    frictionless = without_loads(solver) if solver.model.joint_loads else solver
+    positions, rates = mechanism.start()  # of the coordinates other than the crank angle
     q, u, a = (place, *positions), (speed, *rates), (acceleration,)
-    without_friction = without_loads(solver) if solver.model.joint_loads else solver
     if positions:
         torque = drive.motor.torque - drive.motor.damping * speed
-        a = without_friction.accelerations(q, u, torque)
-    motion = q, u, a
-    moving = without_friction.state(*motion)
+        a = frictionless.accelerations(q, u, torque)
+    values = _motion_values(solver, frictionless.state(q, u, a))
+    missing = dict[str, str]()
+    try:
+        values |= _driving(solver, (q, u, a))
+    except LinkageError as error:
+        missing['driving'] = str(error)
+    try:
+        values |= _joints(solver, (q, u, a))
+    except LinkageError as error:
+        missing['joint'] = str(error)
+    return Snapshot(words, values, missing)
+
+
+def _motion_values(solver: Solver, state: State) -> dict[str, Value]:
+    """Returns position, velocity and acceleration of the links and points, by name."""
     values = dict[str, Value]()
     for link in solver.structure.links:
         names = SLIDING if link.slides else TURNING
-        numbers = cast('tuple[float, ...]', moving[link.name])
-        for (name, unit), value in zip(names, numbers, strict=True):
+        motion = cast('tuple[float, ...]', state[link.name])
+        for (name, unit), value in zip(names, motion, strict=True):
             values[f'{link.name}.{name}'] = Value(unit, value)
     for point in solver.structure.points:
-        for (name, unit), vector in zip(SLIDING, solver.point(moving, point), strict=True):
-            for axis, value in zip('xy', vector, strict=True):
-                values[f'{point}.{name}.{axis}'] = Value(unit, value)
-    driving, no_torque = _if_finite(_driving, solver, motion)
-    joints, no_forces = _if_finite(_joints, solver, motion)
-    missing = {'driving': no_torque, 'joint': no_forces}
-    return Snapshot(
-        words, values | driving | joints, {name: why for name, why in missing.items() if why}
-    )
+        for (name, unit), vector in zip(SLIDING, solver.point(state, point), strict=True):
+            values |= _vector_values(f'{point}.{name}', unit, vector)
+    return values
 
 
-def _if_finite(
-    compute: Callable[..., dict[str, Value]], solver: Solver, motion: tuple[Any, ...]
-) -> tuple[dict[str, Value], str]:
-    """Computes forces; returns them, or the reason why there are none."""
-    try:
-        return compute(solver, motion), ''
-    except LinkageError as error:
-        return {}, str(error)
+def _vector_values(name: str, unit: str, vector: Sequence[float]) -> dict[str, Value]:
+    """Returns the components of a vector as NAME.x and NAME.y."""
+    return {f'{name}.{axis}': Value(unit, x) for axis, x in zip('xy', vector, strict=True)}
 
 
 def _driving(solver: Solver, motion: tuple[Any, ...]) -> dict[str, Value]:
-    """Computes the driving torque or force, and the loads on the links."""
-    now, driven = solver.state(*motion), solver.structure.driven_link
+    """Computes the driving torque or force, and the loads on the links.
+
+    Args:
+        solver: The solver.
+        motion: Positions, rates and accelerations of the coordinates.
+
+    Raises:
+        LinkageError: Friction locks the mechanism.
+    """
+    state, driven = solver.state(*motion), solver.structure.driven_link
     word = 'force' if driven.slides else 'torque'
-    found = {f'driving_{word}': Value(driven.units.effort, now.torque)}
-    exerted = solver.exerted(now)
+    values = {f'driving_{word}': Value(driven.units.effort, state.torque)}
+    exerted = solver.exerted(state)
     links = {link.name: link for link in solver.structure.links}
     for name, effort in exerted.efforts.items():
-        found[f'{name}.load'] = Value(links[name].units.effort, effort)
+        values[f'{name}.load'] = Value(links[name].units.effort, effort)
     for name, force in exerted.forces.items():
-        for axis, value in zip('xy', force.force, strict=True):
-            found[f'{name}.force.{axis}'] = Value('N', value)
-    return found
+        values |= _vector_values(f'{name}.force', 'N', force.force)
+    return values
 
 
 def _joints(solver: Solver, motion: tuple[Any, ...]) -> dict[str, Value]:
-    """Computes pin forces, guide forces, shaking force and shaking moment."""
-    forces = solver.reactions(solver.state(*motion))
-    found = dict[str, Value]()
-    for name, vector in (*((f'pin_{x}', y) for x, y in forces.pins.items()),
-                         ('shaking_force', forces.shaking_force)):  # fmt: skip
-        for axis, value in zip('xy', vector, strict=True):
-            found[f'{name}.{axis}'] = Value('N', value)
-    for name, guide in forces.guides.items():
-        found[f'{name}.guide_force'] = Value('N', guide.force)
-        found[f'{name}.guide_moment'] = Value('N m', guide.moment)
-    return found | {'shaking_moment': Value('N m', forces.shaking_moment)}
+    """Computes pin forces, guide forces, shaking force and shaking moment; see `_driving`."""
+    reactions = solver.reactions(solver.state(*motion))
+    values = dict[str, Value]()
+    for name, force in reactions.pins.items():
+        values |= _vector_values(f'pin_{name}', 'N', force)
+    values |= _vector_values('shaking_force', 'N', reactions.shaking_force)
+    for name, guide in reactions.guides.items():
+        values[f'{name}.guide_force'] = Value('N', guide.force)
+        values[f'{name}.guide_moment'] = Value('N m', guide.moment)
+    return values | {'shaking_moment': Value('N m', reactions.shaking_moment)}
 
 
 def _table(one: Snapshot, words: str) -> Iterator[str]:
-    """Yields the lines of a table."""
-    values = dict(one.values)
-    yield f'{one.assembly}: {words}'
+    """Yields the lines of a table: links, points, missing forces, and all other quantities."""
+    values = one.values
+    points = [name.removesuffix('.velocity.x') for name in values if '.velocity.x' in name]
     width = 2 + max(12, *(len(name.partition('.')[0]) for name in values))
+    yield f'{one.assembly}: {words}'
     yield f'  {"link":<{width}}{"position":>16}{"velocity":>18}{"acceleration":>20}'
-    first_words = {names[0][0]: names for names in (SLIDING, TURNING)}
-    for name in one.values:
-        link, _, first_word = name.rpartition('.')
-        if names := first_words.get(first_word):
-            cells = [values.pop(f'{link}.{word}') for word, _ in names]
-            yield _row(link, cells, width, (16, 18, 20))
+    tabulated = list[str]()
+    for name in values:
+        link, _, word = name.rpartition('.')
+        if motion := {'position': SLIDING, 'direction': TURNING}.get(word):
+            names = [f'{link}.{word}' for word, _ in motion]
+            yield _row(link, [values[name] for name in names], width, (16, 18, 20))
+            tabulated += names
     heads = 'x', 'y', 'velocity x', 'y', 'acceleration x', 'y'
     widths = 12, 12, 14, 12, 18, 12
     head = ''.join(f'{word:>{size}}' for word, size in zip(heads, widths, strict=True))
     yield f'  {"point":<{width}}{head}   in m and s'
-    points = [name.removesuffix('.velocity.x') for name in values if '.velocity.x' in name]
     for point in points:
-        cells = [values.pop(f'{point}.{word}.{axis}') for word, _ in SLIDING for axis in 'xy']
-        yield _row(point, cells, width, widths, with_units=False)
-    for what, start in (('driving', 'driving torque or force'), ('joint', 'joint forces')):
-        if what in one.missing:
-            yield f'  {start}: none: {one.missing[what]}'
+        names = [f'{point}.{word}.{axis}' for word, _ in SLIDING for axis in 'xy']
+        yield _row(point, [values[name] for name in names], width, widths, with_units=False)
+        tabulated += names
+    if 'driving' in one.missing:
+        yield f'  driving torque or force: none: {one.missing["driving"]}'
+    if 'joint' in one.missing:
+        yield f'  joint forces: none: {one.missing["joint"]}'
+    yield from _single_rows({x: y for x, y in values.items() if x not in tabulated})
+
+
+def _single_rows(values: Mapping[str, Value]) -> Iterator[str]:
+    """Yields a line for each quantity; for a vector, one for both components."""
     for name, value in values.items():
-        if name.endswith('.y'):
-            continue
-        cells, axes = [value], ''
         if name.endswith('.x'):
-            cells, axes = [value, values[f'{name[:-2]}.y']], ' (x, y)'
-        yield _row(name.removesuffix('.x') + axes, cells, 32, (14, 14))
+            vector = name.removesuffix('.x')
+            yield _row(f'{vector} (x, y)', [value, values[f'{vector}.y']], 32, (14, 14))
+        elif not name.endswith('.y'):
+            yield _row(name, [value], 32, (14,))
 
 
 def _row(
@@ -324,10 +340,10 @@ def _shown(cell: Value, *, with_units: bool) -> str:
 
 def _rows(found: list[Snapshot]) -> tuple[list[str], list[list[object]]]:
     """Returns the head and the rows of a CSV file, one for each assembly."""
-    names = {name: value.unit for one in found for name, value in one.values.items()}
-    head = ['assembly', *(f'{name} [{unit}]' for name, unit in names.items())]
-    rows: list[list[object]] = [
-        [one.assembly, *(one.values[x].value if x in one.values else None for x in names)]
-        for one in found
-    ]
+    units = {name: value.unit for one in found for name, value in one.values.items()}
+    head = ['assembly', *(f'{name} [{unit}]' for name, unit in units.items())]
+    rows = list[list[object]]()
+    for one in found:
+        numbers = {name: value.value for name, value in one.values.items()}
+        rows.append([one.assembly, *map(numbers.get, units)])
     return head, rows
