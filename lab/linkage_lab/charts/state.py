@@ -294,7 +294,7 @@ def _table(one: Snapshot, words: str) -> Iterator[str]:
     for name in values:
         link, _, word = name.rpartition('.')
         if motion := {'position': SLIDING, 'direction': TURNING}.get(word):
-            names = [f'{link}.{word}' for word, _ in motion]
+            names = [f'{link}.{quantity}' for quantity, _ in motion]
             yield _row(link, [values[name] for name in names], width, (16, 18, 20))
             tabulated += names
     heads = 'x', 'y', 'velocity x', 'y', 'acceleration x', 'y'
