@@ -127,7 +127,7 @@ def compared(periods: Mapping[str, Period], show: Collection[str]) -> list[Panel
             continue
         curves = list[Curve]()
         for i, (design, period) in enumerate(periods.items()):
-            of_output = f'{period.solver.output}.{quantity}'
+            of_output = period.motion_column(period.solver.output, quantity)
             curve = _curve(period, period.effort if quantity == 'torque' else of_output)
             curves.append(replace(curve, name=design, color=DESIGN_COLORS[i], dash=i))
         found += _by_unit(curves, first.effort_name if quantity == 'torque' else '')
