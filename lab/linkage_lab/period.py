@@ -185,11 +185,11 @@ class Period:
 
     def with_gaps(self) -> dict[str, Column]:
         """Returns the columns, with NaN where they have no value."""
-        return {
-            name: Column(unit, np.where(self.gaps[name], np.nan, values))
-            if name in self.gaps else Column(unit, values)
-            for name, (unit, values) in self.columns.items()
-        }  # fmt: skip
+        columns = dict(self.columns)
+        for name, is_gap in self.gaps.items():
+            unit, values = columns[name]
+            columns[name] = Column(unit, np.where(is_gap, np.nan, values))
+        return columns
 
     def rows(self, quantity: str) -> Array:
         """Returns 'position', 'velocity' or 'acceleration' of all links, shape (n, links)."""

@@ -155,10 +155,10 @@ def _tree(values: Mapping[str, object]) -> dict[str, Any]:
     tree: dict[str, Any] = {}
     for name, value in values.items():
         *groups, last = name.split('.')
-        at = tree
+        branch = tree
         for group in groups:
-            at = at.setdefault(group, {})
-        at[last] = value
+            branch = branch.setdefault(group, {})
+        branch[last] = value
     return tree
 
 
@@ -242,14 +242,7 @@ def import_robot(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: The model cannot be read or imported, or the file cannot be written.
     """
-    names = [name for name, _ in options.at]
-    for name in names:
-        if names.count(name) > 1:
-            raise ConfigurationError(f'--at {printable(name)}: it is given twice: give one value')
-    if options.weld and not options.close:
-        raise ConfigurationError('--weld needs --close TIP_LINK PIN_LINK')
-    if is_same_file(str(options.out), str(options.robot)):
-        raise ConfigurationError(f'{options.out} is the model and is kept: choose another name')
+    _require_options(options)
     if not options.linkage:
         new_file(options, options.out)
     robot = read_robot(options.robot)
@@ -272,8 +265,24 @@ def import_robot(options: argparse.Namespace) -> None:
         return
     print(summary(found, linkage.mechanism_words))
     speed = ' --rpm 30' if Solver(found.mechanism).reach.turns_fully else ''
-    of_one = f' --linkage {options.linkage}' * bool(options.linkage)
+    of_one = f' --linkage {options.linkage}' if options.linkage else ''
     print(f'{options.out}; linkage_chart motion {options.out}{of_one}{speed} shows it')
+
+
+def _require_options(options: argparse.Namespace) -> None:
+    """Requires options that fit to each other.
+
+    Raises:
+        ConfigurationError: A joint has two values, --weld no links, or the output is the model.
+    """
+    names = [name for name, _ in options.at]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigurationError(f'--at {printable(name)}: it is given twice: give one value')
+    if options.weld and not options.close:
+        raise ConfigurationError('--weld needs --close TIP_LINK PIN_LINK')
+    if is_same_file(str(options.out), str(options.robot)):
+        raise ConfigurationError(f'{options.out} is the model and is kept: choose another name')
 
 
 def _text(options: argparse.Namespace, found: RobotDrawing) -> tuple[str, list[str]]:

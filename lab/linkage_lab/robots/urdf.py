@@ -3,7 +3,7 @@
 """Reads a URDF: http://wiki.ros.org/urdf/XML."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import TypeVar
 from xml.etree import ElementTree as ET
 
@@ -70,24 +70,33 @@ def read_urdf(root: ET.Element) -> Robot:
                 raise ConfigurationError('quat_xyzw needs <robot version="1.1">')
     links = {link.get('name', ''): _read(_inertial, link) for link in root.findall('link')}
     joints = [_read(_joint, joint) for joint in root.findall('joint')]
-    children = Counter(joint.child for joint in joints)
-    for joint in joints:
-        for link in (joint.parent, joint.child):
-            if link not in links:
-                raise ConfigurationError(
-                    f'joint {shown(joint.name)} names link {shown(link)}, which is missing'
-                )
-        if children[joint.child] > 1:
-            raise ConfigurationError(
-                f'link {shown(joint.child)} has two parent joints, but a URDF is a tree: leave '
-                'one out, and name two links that coincide with --close'
-            )
+    _require_ends(links, joints)
     poses = _zero_poses(links, joints)
     closing = [
         _read(lambda joint: _gazebo_joint(joint, poses), element)
         for element in root.findall('gazebo/joint')
     ]
     return Robot(links, [*joints, *closing])
+
+
+def _require_ends(links: Collection[str], joints: Sequence[Joint]) -> None:
+    """Requires known links of joints, and one parent joint of a link.
+
+    Raises:
+        ConfigurationError: A link is missing, or has two parent joints.
+    """
+    parent_joints = Counter(joint.child for joint in joints)
+    for joint in joints:
+        for link in (joint.parent, joint.child):
+            if link not in links:
+                raise ConfigurationError(
+                    f'joint {shown(joint.name)} names link {shown(link)}, which is missing'
+                )
+        if parent_joints[joint.child] > 1:
+            raise ConfigurationError(
+                f'link {shown(joint.child)} has two parent joints, but a URDF is a tree: leave '
+                'one out, and name two links that coincide with --close'
+            )
 
 
 def _read(read: Callable[[ET.Element], _T], element: ET.Element) -> _T:
