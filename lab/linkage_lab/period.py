@@ -203,7 +203,8 @@ class Period:
     def motion_column(self, link: str, quantity: str) -> str:
         """Returns the name of the column of 'position', 'velocity' or 'acceleration' of a link."""
         slides = self.solver.structure.links[self.solver.links.index(link)].slides
-        word, _ = (SLIDING if slides else TURNING)[State._fields.index(quantity)]
+        names = SLIDING if slides else TURNING
+        word, _ = names[('position', 'velocity', 'acceleration').index(quantity)]
         return f'{link}.{word}'
 
     @property

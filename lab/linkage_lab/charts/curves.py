@@ -127,9 +127,12 @@ def compared(periods: Mapping[str, Period], show: Collection[str]) -> list[Panel
             continue
         curves = list[Curve]()
         for i, (design, period) in enumerate(periods.items()):
-            of_output = period.motion_column(period.solver.output, quantity)
-            curve = _curve(period, period.effort if quantity == 'torque' else of_output)
-            curves.append(replace(curve, name=design, color=DESIGN_COLORS[i], dash=i))
+            if quantity == 'torque':
+                column = period.effort
+            else:
+                column = period.motion_column(period.solver.output, quantity)
+            curve = replace(_curve(period, column), name=design, color=DESIGN_COLORS[i], dash=i)
+            curves.append(curve)
         found += _by_unit(curves, first.effort_name if quantity == 'torque' else '')
     return [panel.without_noise() for panel in found]
 

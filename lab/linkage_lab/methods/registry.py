@@ -48,14 +48,12 @@ def newton_raphson(case: LinkageCase, setting: Setting) -> Locate:
     position, tolerance = case.guess, setting['tolerance']
 
     def locate(crank: float) -> Pair:
-        nonlocal position
-        coupler, output = position
+        nonlocal position  # also after an error, the next angle starts from the last iterate
         for _ in range(CAP):
-            coupler_step, output_step, gap_x, gap_y = step(crank, coupler, output)
-            coupler, output = coupler + coupler_step, output + output_step
+            coupler_step, output_step, gap_x, gap_y = step(crank, *position)
+            position = position[0] + coupler_step, position[1] + output_step
             if max(map(abs, (coupler_step, output_step, gap_x, gap_y))) <= tolerance:
                 break
-        position = coupler, output
         return position
 
     return locate
