@@ -109,27 +109,26 @@ def text_with(found: RobotDrawing, source: str, linkage: str, text: str) -> str:
         ConfigurationError: The text has no list of linkages, or not the lines of this one.
     """
     text = text or _file(source, (f'{_LIST}]', '    drive: follow'))
-    listed = re.search(rf'^{re.escape(_LIST)}(.*)\]$', text, re.MULTILINE)
-    if listed is None:
+    list_line = re.search(rf'^{re.escape(_LIST)}(.*)\]$', text, re.MULTILINE)
+    if list_line is None:
         raise ConfigurationError(
             f'it has no line {_LIST.strip()}...], as files of {_NAME} --linkage have; choose '
             'another file'
         )
-    names = [name for name in listed[1].split(', ') if name]
+    names = [name for name in list_line[1].split(', ') if name]
     head = f'    {linkage}:'
     group = [head, *_lines(_tree(file_values(found)), '      ')]
-    lines = text.rstrip().split('\n')
     if linkage not in names:
-        whole = f'{_LIST}{", ".join([*names, linkage])}]'
-        lines = [*text.replace(listed[0], whole).rstrip().split('\n'), *group]
-    elif head in lines:
-        first = lines.index(head)
-        after = [i for i in range(first + 1, len(lines)) if not lines[i].startswith('     ')]
-        lines[first : min(after, default=len(lines))] = group
-    else:
+        longer_list = f'{_LIST}{", ".join([*names, linkage])}]'
+        return '\n'.join((text.replace(list_line[0], longer_list).rstrip(), *group, ''))
+    lines = text.rstrip().split('\n')
+    if head not in lines:
         raise ConfigurationError(
             f'it has no line {head.strip()} alone, as {_NAME} writes it: remove the linkage'
         )
+    start = lines.index(head)
+    later_groups = (i for i in range(start + 1, len(lines)) if not lines[i].startswith('     '))
+    lines[start : next(later_groups, len(lines))] = group
     return '\n'.join((*lines, ''))
 
 
