@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motion that follows from structure alone: links that turn together, and rigid links."""
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -29,11 +30,12 @@ def axes_of(links: Sequence[Any], j: int) -> tuple[int | None, float | None]:
         The result of `spin_of`, and the direction of the guide relative to that link, or in
         base_link, rad; None if it is the direction of a link.
     """
-    angle, above = 0.0, j
     spin = spin_of(links, j)
-    while above is not None and above != spin:
-        angle += links[above].angle
-        above = links[above].parent
+    angle = 0.0
+    sliding: int | None = j
+    while sliding is not None and sliding != spin:
+        angle += links[sliding].angle
+        sliding = links[sliding].parent
     return spin, angle if spin is None or angle else None
 
 
@@ -52,16 +54,25 @@ def carriers_of(pins: Sequence[Any], links: Sequence[Any]) -> list[int | None]:
     """
     joints = [(pin.first, pin.second) for pin in pins]
     joints += [(link.parent, j) for j, link in enumerate(links) if link.slides]
-    found: list[int | None] = [*range(len(links))]
+    carriers: list[int | None] = [*range(len(links))]
+    for i, j in itertools.pairwise(range(len(links))):
+        if (i, j) not in joints and (j, i) not in joints:
+            continue  # the two links are not a dyad
+        first_ends = _carriers_before(i, _neighbours(i, joints), carriers)
+        second_ends = _carriers_before(i, _neighbours(j, joints), carriers)
+        ends = first_ends | second_ends
+        if first_ends and second_ends and len(ends) == 1:
+            (carriers[i],) = (carriers[j],) = ends
+    return carriers
 
-    def held(j: int, first: int) -> set[int | None]:
-        others = (a if b == j else b for a, b in joints if j in {a, b})
-        return {None if k is None else found[k] for k in others if k is None or k < first}
 
-    for i in range(len(links) - 1):
-        j = i + 1
-        is_pair = (i, j) in joints or (j, i) in joints
-        ends = held(i, i), held(j, i)
-        if is_pair and all(ends) and len(ends[0] | ends[1]) == 1:
-            (found[i],) = (found[j],) = ends[0]
-    return found
+def _neighbours(j: int, joints: Sequence[tuple[int | None, int]]) -> list[int | None]:
+    """Returns the links to which link j is joined; None is the frame."""
+    return [one if other == j else other for one, other in joints if j in {one, other}]
+
+
+def _carriers_before(
+    i: int, neighbours: Sequence[int | None], carriers: Sequence[int | None]
+) -> set[int | None]:
+    """Returns the links with which those of the neighbours before link i are rigid."""
+    return {None if k is None else carriers[k] for k in neighbours if k is None or k < i}

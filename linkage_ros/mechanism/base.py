@@ -270,9 +270,9 @@ class Mechanism(_FromDrawing):
 
         Args:
             _what: Name of the setting, for the error message.
-            _near: A direction of the link that the setting gives, rad. If the link swings in one
-                of two circuits, the middle is chosen so that this direction, within pi of the
-                middle, is also within pi of the middle of each circuit.
+            _near: A direction of the link that the setting gives, rad. A link that swings in one
+                of two circuits has a middle in each; one middle is chosen for both, so that the
+                same turn of this direction is within pi of either.
 
         Returns:
             The direction of the link there, rad in [-pi, pi]; None for a sliding link.
@@ -301,8 +301,8 @@ class Mechanism(_FromDrawing):
             ConfigurationError: The link is not a slider whose stroke has fixed ends.
         """
         structure = self.structure()
-        last = (structure.links[j] for _, j in structure.closures[1:])
-        if any(link.slides and link.name == name for link in last):
+        last_of_dyads = [structure.links[j] for _, j in structure.closures[1:]]
+        if any(link.slides and link.name == name for link in last_of_dyads):
             return stroke_of(self, what, name)
         raise ConfigurationError(
             f'{what}: {name} has no stroke with fixed ends; use a load over position, or '
@@ -326,16 +326,17 @@ def _named(loads: Sequence[AppliedLoad]) -> list[AppliedLoad]:
     Raises:
         ConfigurationError: Two loads have the same name.
     """
-    kinds = {kind: name for name, kind in LOADS.items()}
-    found: dict[str, AppliedLoad] = {}
+    named: dict[str, AppliedLoad] = {}
     for load in loads:
-        if load.name in found:
+        if load.name in named:
             raise ConfigurationError(f'two loads have the name {shown(load.name)}: rename one')
         if load.name:
-            found[load.name] = load
+            named[load.name] = load
+    kinds = {kind: name for name, kind in LOADS.items()}
     for load in loads:
         if not load.name:
             kind = kinds.get(type(load), type(load).__name__.lower())
-            name = next(x for n in itertools.count(1) if (x := f'{kind}_{n}') not in found)
-            found[name] = replace(cast('Any', load), name=name)
-    return [found[name] for name in sorted(found)]
+            candidates = (f'{kind}_{n}' for n in itertools.count(1))
+            name = next(x for x in candidates if x not in named)
+            named[name] = replace(cast('Any', load), name=name)
+    return [named[name] for name in sorted(named)]

@@ -47,12 +47,16 @@ class Triangle(NamedTuple):
         Sums of lengths that are only rounding errors count as 0.
         """
         (a, b), e = lengths, abs(offset)
-        longest = max(a, b, e)
-        sums = [short_sum(longest, max(a, b), -min(a, b), x) for x in (-e, e)]
-        least = sums[0] * sums[1]
-        folds, square = least > 0, Fraction(e) ** 2
-        short = _root((Fraction(a) - Fraction(b)) ** 2 - square) if folds else (0.0, 0.0)
-        return cls(least or ZERO, folds, short, _root((Fraction(a) + Fraction(b)) ** 2 - square))
+        long, short, longest = max(a, b), min(a, b), max(a, b, e)
+        least = short_sum(longest, long, -short, -e) * short_sum(longest, long, -short, e)
+        square, folded_square = Fraction(e) ** 2, (Fraction(a) - Fraction(b)) ** 2
+        folds = least > 0
+        return cls(
+            least or ZERO,
+            folds,
+            short=_root(folded_square - square) if folds else (0.0, 0.0),
+            long=_root((Fraction(a) + Fraction(b)) ** 2 - square),
+        )
 
     def arcs(self) -> tuple[tuple[float, float], ...]:
         """Computes the positions at which the triangle closes, m; the first are positive."""
@@ -66,17 +70,20 @@ class Triangle(NamedTuple):
             slide: The position.
             refuse: Function that rejects a position.
         """
-        near, far, size = self.short, self.long, abs(slide)
-        stretch = ((far[0] - size) + far[1]) * (far[0] + size)
-        require(stretch > 0, refuse, slide)
+        distance = abs(slide)
+        # Both squares are differences of squares, factored; `long` and `short` have two doubles.
+        long, long_error = self.long
+        sine_square = ((long - distance) + long_error) * (long + distance)
+        require(sine_square > 0, refuse, slide)
         if self.least is ZERO:
-            return slide, sqrt(stretch)
+            return slide, sqrt(sine_square)
         if self.folds:
-            fold = ((size - near[0]) - near[1]) * (size + near[0])
+            short, short_error = self.short
+            cosine_square = ((distance - short) - short_error) * (distance + short)
         else:
-            fold = slide * slide - self.least
-        require(fold > 0, refuse, slide)
-        return sqrt(fold), sqrt(stretch)
+            cosine_square = slide * slide - self.least
+        require(cosine_square > 0, refuse, slide)
+        return sqrt(cosine_square), sqrt(sine_square)
 
 
 def _root(square: Fraction) -> tuple[float, float]:

@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.mechanism.dyads import Chain, Dyad
@@ -59,39 +60,48 @@ def reach_of(mechanism: Any) -> Reach | None:
         MechanismError: A dyad does not close at any crank angle.
     """
     reach: Reach | None = mechanism.reach()
-    if reach is not None and mechanism.drawn:
+    if reach is None:
+        return None
+    if mechanism.drawn:
         driven = mechanism.structure().driven_link.name
         reach = reach.renamed(driven, mechanism.in_own_names)
-    if reach is None or not mechanism.dyads:
+    if not mechanism.dyads:
         return reach
-    loop, dyads = mechanism.chain()
-    turn = 2 * math.pi * reach.period_turns
-    arcs = [(0.0, turn)]
-    if not reach.turns_fully:  # the loop reaches the same arcs in each turn of a period
-        shifts = [math.tau * i for i in range(max(1, reach.period_turns))]
-        arcs = [(low + shift, high + shift) for shift in shifts for low, high in reach.arcs]
+    loop, kinematics = mechanism.chain()
+    arcs, period = _arcs_of_period(reach), math.tau * reach.period_turns
     limits, cures = list(reach.limits), list(reach.cures)
-    for i, (dyad, given) in enumerate(zip(dyads, mechanism.dyads, strict=True)):
-        constants = Constants((Chain(loop, dyads[:i]), dyad))
+    for i, dyad in enumerate(mechanism.dyads):
+        constants = Constants((Chain(loop, kinematics[:i]), kinematics[i]))
         margins = Program(_margins, constants, ('crank_angle',))
-        arcs, worst = _closed_arcs(margins, arcs, dyad.size, turn)
+        size = kinematics[i].size
+        arcs, worst = _closed_arcs(margins, arcs, size, period)
         if worst is None:
             continue
-        if mechanism.drawn and reach.turns_fully and abs(worst.margin) < _LEAST * dyad.size:
-            raise MechanismError(_in_line(mechanism, given, worst.crank))
-        words = _words(given, worst)
+        if mechanism.drawn and reach.turns_fully and abs(worst.margin) < _LEAST * size:
+            raise MechanismError(_in_line(mechanism, dyad, worst.crank))
         place = f'{worst.crank:.9g} m' if reach.slides else rad_and_deg(worst.crank)
-        limits.append(f'{given.subject} not close at {place}, {words}')
-        cures.append(f'change lengths or ends of {given.title}')
+        gap = _gap_words(dyad, worst)
+        cure = f'change lengths or ends of {dyad.title}'
         if not arcs:
             raise MechanismError(
-                f'{given.subject} not close anywhere in the reach of {reach.subject}, and come '
-                f'nearest at {place}, {words}; {cures[-1]}'
+                f'{dyad.subject} not close anywhere in the reach of {reach.subject}, and come '
+                f'nearest at {place}, {gap}; {cure}'
             )
+        limits.append(f'{dyad.subject} not close at {place}, {gap}')
+        cures.append(cure)
     if len(limits) == len(reach.limits):
         return reach
-    found = tuple(normalized(*arc) if reach.period_turns == 1 else arc for arc in arcs)
-    return reach._replace(arcs=found, limits=tuple(limits), cures=tuple(cures))
+    if reach.period_turns == 1:
+        arcs = [normalized(*arc) for arc in arcs]
+    return reach._replace(arcs=tuple(arcs), limits=tuple(limits), cures=tuple(cures))
+
+
+def _arcs_of_period(reach: Reach) -> list[Arc]:
+    """Returns the arcs that a loop reaches in a period of its motion: the same in each turn."""
+    if reach.turns_fully:
+        return [(0.0, math.tau * reach.period_turns)]
+    shifts = [math.tau * i for i in range(max(1, reach.period_turns))]
+    return [(low + shift, high + shift) for shift in shifts for low, high in reach.arcs]
 
 
 def stroke_of(mechanism: Any, what: str, name: str) -> Stroke:
@@ -119,27 +129,26 @@ def stroke_of(mechanism: Any, what: str, name: str) -> Stroke:
             'fully, or the slider does not reverse once at each end in a turn; use a load over '
             'position, or crank_angle'
         )
-    places = slide(np.array(reversals))[0].tolist()
+    positions = slide(np.array(reversals))[0].tolist()
+    one, other = zip(positions, reversals, strict=True)
     link = structure.links[j]
-
-    def distance(end: tuple[float, float]) -> float:
-        if link.parent == j - 1:  # a piston is far from the rod's pin where the barrel is short
-            return -end[0]
-        return float(abs(link.origin + cmath.rect(end[0], link.angle)))
-
-    ends = sorted(zip(places, reversals, strict=True), key=distance, reverse=True)
-    return Stroke(*ends)
+    if link.parent == j - 1:  # a rod is far from its own pin where the cylinder is short
+        is_far = positions[0] <= positions[1]
+    else:
+        distances = [abs(link.origin + cmath.rect(x, link.angle)) for x in positions]
+        is_far = distances[0] >= distances[1]
+    return Stroke(one, other) if is_far else Stroke(other, one)
 
 
 def _reversals(rate: Callable[[Any], Any]) -> list[float]:
     """Finds the crank angles in a turn, rad, at which a rate changes its sign."""
     crank = (np.arange(_STEPS + 1) + 0.5) * (2 * math.pi / _STEPS)
-    falls = rate(crank) < 0
-    at = np.flatnonzero(falls[1:] != falls[:-1])
-    low, high = crank[at], crank[at + 1]
-    for _ in range(_BISECTIONS if len(at) else 0):
+    is_negative = rate(crank) < 0
+    before = np.flatnonzero(is_negative[1:] != is_negative[:-1])  # the last samples before
+    low, high = crank[before], crank[before + 1]
+    for _ in range(_BISECTIONS if len(before) else 0):
         middle = 0.5 * (low + high)
-        is_before = (rate(middle) < 0) == falls[at]
+        is_before = (rate(middle) < 0) == is_negative[before]
         low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
     return list(high.tolist())
 
@@ -165,27 +174,29 @@ def _in_line(mechanism: Any, dyad: Dyad, crank: float) -> str:
     )
 
 
-def _words(dyad: Dyad, worst: _Worst) -> str:
+def _gap_words(dyad: Dyad, worst: _Worst) -> str:
     """Describes by how much a dyad does not close."""
-    gap, (link, last) = f'{-worst.margin:.3g} m', dyad.parts
+    link, last = dyad.parts
     path = last if dyad.names or dyad.slider is None else 'the slider'
-    if worst.margin >= -_LEAST * (dyad.first.length if dyad.first else abs(dyad.offset)):
+    size = dyad.first.length if dyad.first else abs(dyad.offset)
+    if worst.margin >= -_LEAST * size:
         if dyad.barrel:
             return f'where the pins of {link} and {last} are nearest to each other'
         if dyad.second:
             return 'where they are in line'
         return f'where {link} is at right angles to the path of {path}'
+    gap = f'{-worst.margin:.3g} m'
     if dyad.slider is not None:
         # A drawn pin that carries a further link gives the joint PIN_LINK.
         pin = dyad.pins[0].removesuffix(f'_{link}')
         return f'where {pin} is {gap} too far from the path of {path}'
-    # Two links have one margin until they are stretched, then one until they are folded.
+    # The first margin of two links is that until they are stretched, the other until folded.
     is_too_far = dyad.barrel is None and worst.number == 0
     return f'where its ends are {gap} too {"far apart" if is_too_far else "near"}'
 
 
 def _closed_arcs(
-    margins: Callable[..., Any], arcs: Sequence[Arc], size: float, turn: float
+    margins: Callable[..., Any], arcs: Sequence[Arc], size: float, period: float
 ) -> tuple[list[Arc], _Worst | None]:
     """Finds the parts of arcs on which a dyad closes.
 
@@ -193,36 +204,50 @@ def _closed_arcs(
         margins: Function that returns the margins of the dyad, m, at crank angles, rad.
         arcs: Arcs on which the loop and the dyads before close, rad.
         size: Size of the dyad, m.
-        turn: Length of an arc of whole turns, rad.
+        period: Length of an arc of whole turns, rad.
 
     Returns:
         The parts of the arcs; and None if these are the arcs, otherwise the sample with the
         smallest margin or, if the dyad closes nowhere, the largest.
     """
-    least, found = _LEAST * size, list[Arc]()
-    seen = list[tuple[Array, Array]]()
+    least = _LEAST * size
+    closed, sampled = list[Arc](), list[tuple[Array, Array]]()
     for low, high in arcs:
-        is_whole = high - low == turn
-        crank, rows = _samples(margins, (low, high), least, is_ring=is_whole)
-        minima = _minima(margins, crank, rows, is_ring=is_whole)
-        if is_whole:
-            minima = [low + (x - low) % turn for x in minima]
-        crank = np.unique(np.concatenate([crank, *minima]))
-        rows = np.array(margins(crank))
-        seen.append((crank, rows))
+        is_ring = high - low == period
+        crank, rows = _samples_with_minima(margins, (low, high), least, is_ring=is_ring)
+        sampled.append((crank, rows))
         closes = rows.min(axis=0) > least
         ends = [low, *_edges(margins, crank, closes, least), high]
+        # Parts on which the dyad closes alternate with parts on which it does not.
         parts = list(itertools.pairwise(ends))[0 if closes[0] else 1 :: 2]
-        if is_whole and len(parts) > 1 and closes[0] and closes[-1]:
-            (_, end), *others = parts
-            parts = [*others[:-1], (others[-1][0], end + high - low)]
-        found += parts
-    if found == list(arcs):
-        return found, None
-    crank, rows = (np.concatenate(each, axis=-1) for each in zip(*seen, strict=True))
+        if is_ring and len(parts) > 1 and closes[0] and closes[-1]:
+            parts = _joined_across_start(parts, period)
+        closed += parts
+    if closed == list(arcs):
+        return closed, None
+    crank, rows = (np.concatenate(each, axis=-1) for each in zip(*sampled, strict=True))
     smallest = rows.min(axis=0)
-    i = int(smallest.argmin() if found else smallest.argmax())
-    return found, _Worst(float(crank[i]), float(smallest[i]), int(rows[:, i].argmin()))
+    i = int(smallest.argmin() if closed else smallest.argmax())
+    return closed, _Worst(float(crank[i]), float(smallest[i]), int(rows[:, i].argmin()))
+
+
+def _joined_across_start(parts: Sequence[Arc], period: float) -> list[Arc]:
+    """Joins the last part of a ring, rad, to the first, which continues it."""
+    (_, end), *between, (start, _) = parts
+    return [*between, (start, end + period)]
+
+
+def _samples_with_minima(
+    margins: Callable[..., Any], arc: Arc, error: float, *, is_ring: bool
+) -> tuple[Array, Array]:
+    """Returns the result of `_samples`, with the minima of each margin among the samples."""
+    crank, rows = _samples(margins, arc, error, is_ring=is_ring)
+    minima = _minima(margins, crank, rows, is_ring=is_ring)
+    if is_ring:  # a minimum may be before the first sample
+        low, high = arc
+        minima = [low + (x - low) % (high - low) for x in minima]
+    crank = np.unique(np.concatenate([crank, *minima]))
+    return crank, np.array(margins(crank))
 
 
 def _samples(
@@ -241,33 +266,44 @@ def _samples(
         (margins, samples).
     """
     low, high = arc
-
-    def angles(place: Array) -> Array:
-        if not is_ring:  # near an end, the links move with the square root of the distance to it
-            place = (1 - _INSIDE) * np.sin(0.5 * math.pi * place)
-        return 0.5 * (low + high) + 0.5 * (high - low) * place
-
-    place = np.linspace(-1.0, 1.0, _STEPS * max(1, round((high - low) / math.tau)) + 1)
-    rows = np.array(margins(angles(place)))
-    steps = np.arange(len(place) - 1)  # those to test
+    count = _STEPS * max(1, round((high - low) / math.tau))
+    place = np.linspace(-1.0, 1.0, count + 1)  # -1 at the start of the arc, 1 at its end
+    rows = np.array(margins(_angles(arc, place, is_ring=is_ring)))
+    steps = np.arange(count)  # those to test
     for _ in range(_HALVINGS):
-        x, y = place, rows
-        if is_ring:
-            x = np.concatenate([x[-2:-1] - 2.0, x, x[1:2] + 2.0])
-            y = np.concatenate([y[:, -2:-1], y, y[:, 1:2]], axis=1)
         middle = 0.5 * (place[steps] + place[steps + 1])
-        first = steps if is_ring else np.clip(steps - 1, 0, len(x) - 4)
-        near = first + np.arange(4)[:, None]
-        found = np.array(margins(angles(middle)))
-        is_off = (np.abs(_cubic(x[near], y[:, near], middle) - found) > error).any(axis=0)
-        # The middle of the step i of those tested becomes the sample steps[i] + 1 + i.
+        predicted = _predicted(place, rows, steps, middle, is_ring=is_ring)
+        actual = np.array(margins(_angles(arc, middle, is_ring=is_ring)))
+        is_off = (np.abs(predicted - actual) > error).any(axis=0)
         place = np.insert(place, steps + 1, middle)
-        rows = np.insert(rows, steps + 1, found, axis=1)
+        rows = np.insert(rows, steps + 1, actual, axis=1)
+        # Each middle inserted before a step has moved it by one.
         halves = (steps + np.arange(len(steps)))[is_off]
         steps = np.stack([halves, halves + 1], axis=1).ravel()
         if not len(steps):
             break
-    return angles(place), rows
+    return _angles(arc, place, is_ring=is_ring), rows
+
+
+def _angles(arc: Arc, place: Array, *, is_ring: bool) -> Array:
+    """Returns the crank angles, rad, at places from -1 to 1 of an arc."""
+    low, high = arc
+    if not is_ring:  # near an end, the links move with the square root of the distance to it
+        place = (1 - _INSIDE) * np.sin(0.5 * math.pi * place)
+    return 0.5 * (low + high) + 0.5 * (high - low) * place
+
+
+def _predicted(
+    place: Array, rows: Array, steps: NDArray[np.intp], middle: Array, *, is_ring: bool
+) -> Array:
+    """Predicts margins in the middle of steps by a cubic through the four samples around it."""
+    first = np.clip(steps - 1, 0, len(place) - 4)
+    if is_ring:  # the sample before the first is the last but one, a period earlier
+        place = np.concatenate([place[-2:-1] - 2.0, place, place[1:2] + 2.0])
+        rows = np.concatenate([rows[:, -2:-1], rows, rows[:, 1:2]], axis=1)
+        first = steps
+    near = first + np.arange(4)[:, None]
+    return _cubic(place[near], rows[:, near], middle)
 
 
 def _cubic(x: Array, y: Array, at: Array) -> Array:
@@ -289,27 +325,32 @@ def _minima(
     else:  # nothing is beyond the ends
         crank = np.pad(crank, 1, mode='edge')
         rows = np.pad(rows, ((0, 0), (1, 1)), constant_values=math.inf)
-    found = []
-    for i, row in enumerate(rows):
-        inner = 1 + np.flatnonzero((row[1:-1] <= row[:-2]) & (row[1:-1] <= row[2:]))
-        low, high = crank[inner - 1], crank[inner + 1]
-        for _ in range(_ROUNDS if len(inner) else 0):
-            grid = np.linspace(low, high, _PARTS + 1)
-            best = np.array(margins(grid.ravel()))[i].reshape(grid.shape).argmin(axis=0)
-            column = np.arange(len(inner))
-            low, high = (
-                grid[np.maximum(best - 1, 0), column],
-                grid[np.minimum(best + 1, _PARTS), column],
-            )
-        found.append(0.5 * (low + high))
-    return found
+    minima = []
+    for number, row in enumerate(rows):
+        is_lowest = (row[1:-1] <= row[:-2]) & (row[1:-1] <= row[2:])
+        lowest = 1 + np.flatnonzero(is_lowest)
+        minima.append(_refined(margins, number, crank[lowest - 1], crank[lowest + 1]))
+    return minima
+
+
+def _refined(margins: Callable[..., Any], number: int, low: Array, high: Array) -> Array:
+    """Refines minima of one margin, each between two crank angles, rad, by finer grids."""
+    column = np.arange(len(low))
+    for _ in range(_ROUNDS if len(low) else 0):
+        grid = np.linspace(low, high, _PARTS + 1)  # shape (_PARTS + 1, minima)
+        values = np.array(margins(grid.ravel()))[number].reshape(grid.shape)
+        best = values.argmin(axis=0)
+        low = grid[np.maximum(best - 1, 0), column]
+        high = grid[np.minimum(best + 1, _PARTS), column]
+    return 0.5 * (low + high)
 
 
 def _edges(margins: Callable[..., Any], crank: Array, closes: Array, least: float) -> list[float]:
     """Finds the crank angles between samples at which a dyad begins or ceases to close."""
-    at = np.flatnonzero(closes[1:] != closes[:-1])
-    inside, outside = (np.where(closes[at] == x, crank[at], crank[at + 1]) for x in (True, False))
-    for _ in range(_BISECTIONS if len(at) else 0):
+    before = np.flatnonzero(closes[1:] != closes[:-1])
+    low, high = crank[before], crank[before + 1]
+    inside, outside = np.where(closes[before], (low, high), (high, low))
+    for _ in range(_BISECTIONS if len(before) else 0):
         middle = 0.5 * (inside + outside)
         is_in = np.array(margins(middle)).min(axis=0) > least
         inside, outside = np.where(is_in, middle, inside), np.where(is_in, outside, middle)

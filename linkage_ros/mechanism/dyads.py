@@ -32,6 +32,7 @@ Relative errors grow as 1 / sigma^2, because the ends have rounding errors.
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, NoReturn, cast
@@ -153,36 +154,60 @@ class Dyad(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        label = f'dyads.{self.name}'
         require_name('dyad', self.name)
+        self._check_parts()
+        self._check_second_end()
+        self._check_barrel()
+        self._check_slider()
+        offset: Any = self.offset  # None if it is not given
+        if self.barrel is not None and offset is None:
+            object.__setattr__(self, 'offset', 0.0)
+
+    @property
+    def _label(self) -> str:
+        return f'dyads.{self.name}'
+
+    def _check_parts(self) -> None:
         if tuple(self._parts) not in _KINDS:
             raise ConfigurationError(
-                f'{label} needs second or slider, and not both: two links between two points '
-                '(first and second), one link and a slider (first and slider), or a cylinder '
-                '(barrel and rod); a part needs at least one value, such as mass: 0.0'
+                f'{self._label} needs second or slider, and not both: two links between two '
+                'points (first and second), one link and a slider (first and slider), or a '
+                'cylinder (barrel and rod); a part needs at least one value, such as mass: 0.0'
             )
+
+    def _check_second_end(self) -> None:
         if self.slider is None and self.to is None:
-            raise ConfigurationError(f'{label}.to is missing: must be a link, or {FRAME_NAME}')
+            raise ConfigurationError(
+                f'{self._label}.to is missing: must be a link, or {FRAME_NAME}'
+            )
         if self.slider is not None and (self.to, self.to_at) != (None, None):
             raise ConfigurationError(
-                f'{label}.to is for a dyad of two links: leave it out; slider.at and '
+                f'{self._label}.to is for a dyad of two links: leave it out; slider.at and '
                 'slider.angle are the guide'
             )
-        given: Any = self.offset
-        if self.barrel is None and given is not None:
-            raise ConfigurationError(f'{label}.offset is for a barrel and a rod: leave it out')
-        if self.barrel is not None and given is None:
-            object.__setattr__(self, 'offset', 0.0)
-        if self.barrel is not None and self.assembly != OPEN:
+
+    def _check_barrel(self) -> None:
+        offset: Any = self.offset
+        if self.barrel is None:
+            if offset is not None:
+                raise ConfigurationError(
+                    f'{self._label}.offset is for a barrel and a rod: leave it out'
+                )
+        elif self.assembly != OPEN:
             raise ConfigurationError(
-                f'{label}.assembly = {self.assembly!r}: must be {OPEN} with a barrel and a rod'
+                f'{self._label}.assembly = {self.assembly!r}: must be {OPEN} with a barrel and a '
+                'rod'
             )
-        slider = self.slider
-        turning: list[Any] = [slider.inertia, slider.center] if slider else []
-        if slider and slider.on == FRAME_NAME and any(value is not None for value in turning):
+
+    def _check_slider(self) -> None:
+        slider: Any = self.slider  # whose inertia and center may be None
+        if slider is None or slider.on != FRAME_NAME:
+            return
+        if slider.inertia is not None or slider.center is not None:
             raise ConfigurationError(
-                f'{label}.slider: inertia and center are for a guide on a moving link: leave them '
-                'out; a slider on the frame does not turn, and its centre of mass is its pin'
+                f'{self._label}.slider: inertia and center are for a guide on a moving link: '
+                'leave them out; a slider on the frame does not turn, and its centre of mass is '
+                'its pin'
             )
 
     @property
@@ -276,17 +301,17 @@ class Dyad(Checked):
                 f'{start} and {end} are {distance:.6g} m apart, and the offset is '
                 f'{self.offset:.6g} m, gap {abs(self.offset) - distance:.3g} m'
             )
-        first = cast('Body', self.first).length
+        length = cast('Body', self.first).length
         if self.second is None:
             return (
                 f'{start} is {distance:.6g} m from the path of {last}, and '
-                f'{link} reaches {first:.6g} m, gap {distance - first:.3g} m'
+                f'{link} reaches {length:.6g} m, gap {distance - length:.3g} m'
             )
-        far, near = first + self.second.length, abs(first - self.second.length)
+        stretched, folded = length + self.second.length, abs(length - self.second.length)
         words = f'{start} and {end} are {distance:.6g} m apart, and the links reach '
-        if distance > 0.5 * (far + near):
-            return f'{words}{far:.6g} m, gap {distance - far:.3g} m'
-        return f'{words}no nearer than {near:.6g} m, gap {near - distance:.3g} m'
+        if distance > 0.5 * (stretched + folded):
+            return f'{words}{stretched:.6g} m, gap {distance - stretched:.3g} m'
+        return f'{words}no nearer than {folded:.6g} m, gap {folded - distance:.3g} m'
 
     def _refuse(self, crank: float, distance: float) -> NoReturn:
         distance = math.sqrt(distance) if self.slider is None else abs(distance)
@@ -312,39 +337,52 @@ def ordered(dyads: Sequence[Dyad], links: Sequence[str]) -> tuple[Dyad, ...]:
     Raises:
         ConfigurationError: Two dyads have one name, a link is unknown, or dyads carry each other.
     """
-    mistakes, waiting = Mistakes(), {dyad.name: dyad for dyad in dyads}
-    valid = [*links, *(link for dyad in dyads for link in dyad.parts), FRAME_NAME]
-    for name in (x for x in waiting if sum(dyad.name == x for dyad in dyads) > 1):
-        with mistakes:
-            raise ConfigurationError(f'two dyads have the name {shown(name)}: rename one')
-    for what, link in (pair for dyad in dyads for pair in dyad.references.items()):
-        with mistakes:
-            if link not in valid:
-                raise ConfigurationError(
-                    f'{what} = {shown(link)}: must be one of {", ".join(valid)}'
-                )
-    mistakes.check()
-    known, found = {*links, FRAME_NAME}, list[Dyad]()
+    _require_names_and_carriers(dyads, links)
+    waiting = {dyad.name: dyad for dyad in dyads}
+    known, sorted_dyads = {*links, FRAME_NAME}, list[Dyad]()
     while waiting:
-        ready = (x for x in sorted(waiting) if known.issuperset(waiting[x].references.values()))
-        chosen = next(ready, None)
-        if chosen is None:
+        ready = [x for x in waiting.values() if known.issuperset(x.references.values())]
+        if not ready:
             raise ConfigurationError(_circle(waiting, known))
-        found.append(waiting.pop(chosen))
-        known.update(found[-1].parts)
-    return tuple(found)
+        dyad = min(ready, key=lambda x: x.name)
+        del waiting[dyad.name]
+        sorted_dyads.append(dyad)
+        known.update(dyad.parts)
+    return tuple(sorted_dyads)
+
+
+def _require_names_and_carriers(dyads: Sequence[Dyad], links: Sequence[str]) -> None:
+    """Rejects dyads of one name, and dyads on unknown links, all at once.
+
+    Raises:
+        ConfigurationError: There are such dyads; the message has all.
+    """
+    mistakes = Mistakes()
+    for name, count in Counter(dyad.name for dyad in dyads).items():
+        with mistakes:
+            if count > 1:
+                raise ConfigurationError(f'two dyads have the name {shown(name)}: rename one')
+    valid = [*links, *(link for dyad in dyads for link in dyad.parts), FRAME_NAME]
+    for dyad in dyads:
+        for parameter, link in dyad.references.items():
+            with mistakes:
+                if link not in valid:
+                    raise ConfigurationError(
+                        f'{parameter} = {shown(link)}: must be one of {", ".join(valid)}'
+                    )
+    mistakes.check()
 
 
 def _circle(waiting: dict[str, Dyad], known: set[str]) -> str:
     """Describes dyads that carry each other."""
     carriers = {link: dyad.name for dyad in waiting.values() for link in dyad.parts}
-    way = [min(waiting)]
-    while way[-1] not in way[:-1]:
-        missing = set(waiting[way[-1]].references.values()) - known
-        way.append(carriers[min(missing)])
-    way = way[way.index(way[-1]) :]
+    path = [min(waiting)]
+    while path[-1] not in path[:-1]:
+        missing = set(waiting[path[-1]].references.values()) - known
+        path.append(carriers[min(missing)])
+    circle = path[path.index(path[-1]) :]
     return (
-        f'dyads: {" is carried by ".join(way)}: they form a circle; attach one of them to the '
+        f'dyads: {" is carried by ".join(circle)}: they form a circle; attach one of them to the '
         f'loop or to {FRAME_NAME}'
     )
 
@@ -399,24 +437,27 @@ class TwoLinks(NamedTuple):
         """Computes the poses of both links, and the sine from the first to the second."""
         b, c = self.first, self.second
         D, D_1, D_2 = _derivatives(self.apart, links)
-        square = dot(D, D)
-        stretch, fold = (b + c) * (b + c) - square, square - (b - c) * (b - c)
-        require(stretch > 0, self.refuse, links[0].position, square)
-        require(fold > 0, self.refuse, links[0].position, square)
+        D_squared = dot(D, D)
+        stretch, fold = (b + c) * (b + c) - D_squared, D_squared - (b - c) * (b - c)
+        require(stretch > 0, self.refuse, links[0].position, D_squared)
+        require(fold > 0, self.refuse, links[0].position, D_squared)
         root = self.side * sqrt(stretch * fold)
-        e, f = directions(D, square, root, b, c)
-        over_b, over_c, cosine = 2 * c / root, 2 * b / root, dot(e, f)
+        e, f = directions(D, D_squared, root, b, c)
+        # With sigma = -root / (2 b c), these are -1 / (b sigma) and -1 / (c sigma).
+        over_b, over_c = 2 * c / root, 2 * b / root
+        cosine = dot(e, f)
         phi_1 = [-over_b * dot(d, f) for d in D_1]
         psi_1 = [over_c * dot(d, e) for d in D_1]
-        bent = [
-            bends((b, c), (over_b, over_c), cosine, (phi_phi, psi_psi), (dot(d, f), dot(d, e)))
-            for d, phi_phi, psi_psi in zip(D_2, _squares(phi_1), _squares(psi_1), strict=True)
-        ]
-        phi_2, psi_2 = zip(*bent, strict=True)
+        phi_2, psi_2 = list[Real](), list[Real]()
+        for d, phi_phi, psi_psi in zip(D_2, _squares(phi_1), _squares(psi_1), strict=True):
+            squares, ends = (phi_phi, psi_psi), (dot(d, f), dot(d, e))
+            phi, psi = bends((b, c), (over_b, over_c), cosine, squares, ends)
+            phi_2.append(phi)
+            psi_2.append(psi)
         second = -f  # the second link's direction is from the second end to the joint
         return (
-            LinkPose(atan2(e.y, e.x), e, tuple(phi_1), phi_2),
-            LinkPose(atan2(second.y, second.x), second, tuple(psi_1), psi_2),
+            LinkPose(atan2(e.y, e.x), e, tuple(phi_1), tuple(phi_2)),
+            LinkPose(atan2(second.y, second.x), second, tuple(psi_1), tuple(psi_2)),
             root * (0.5 / (b * c)),
         )
 
@@ -454,26 +495,29 @@ class LinkAndSlider(NamedTuple):
     def _in_guide(
         self, links: Sequence[LinkPose]
     ) -> tuple[tuple[Vector, list[Vector], list[Vector]], Vector]:
-        """Returns W and its derivatives, along and across the guide; and the guide."""
-        place, slopes, changes = _derivatives(self.start, links)
+        """Returns W, W_1 and W_2, each along and across the guide; and the guide's direction."""
+        W, W_1, W_2 = _derivatives(self.start, links)
         if self.spin is None:
-            return (place, slopes, changes), self.guide
+            return (W, W_1, W_2), self.guide
         guide = turned(links[self.spin].direction, self.guide.x, self.guide.y)
-        place, *slopes = (Vector(dot(guide, x), cross(guide, x)) for x in (place, *slopes))
-        changes = [Vector(dot(guide, x), cross(guide, x)) for x in changes]
-        return (place, slopes, changes), guide
+
+        def in_guide(vector: Vector) -> Vector:
+            return Vector(dot(guide, vector), cross(guide, vector))
+
+        return (in_guide(W), [*map(in_guide, W_1)], [*map(in_guide, W_2)]), guide
 
     def pose(self, links: Sequence[LinkPose]) -> tuple[LinkPose, LinkPose, Real]:
         """Computes the poses of link and slider, and the sine to the normal of the guide."""
         (W, W_1, W_2), guide = self._in_guide(links)
         length, h = self.length, -W.y
-        square = (length - h) * (length + h)
-        require(square > 0, self.refuse, links[0].position, h)
-        x = self.side * sqrt(square)
+        x_squared = (length - h) * (length + h)
+        require(x_squared > 0, self.refuse, links[0].position, h)
+        x = self.side * sqrt(x_squared)
         over_x, s = 1.0 / x, W.x + x
         psi_1, psi_2 = _spin(links, self.spin)
         phi_1 = [(s * psi - w.y) * over_x for w, psi in zip(W_1, psi_1, strict=True)]
         s_1 = [w.x - h * phi for w, phi in zip(W_1, phi_1, strict=True)]
+        # Factors of each product of two rates in phi'^2, psi'^2, s' psi', and then phi'' and s''.
         phi_phi, psi_psi, s_psi = _squares(phi_1), _squares(psi_1), _mixed(s_1, psi_1)
         products = range(len(W_2))
         phi_2 = [
@@ -516,16 +560,18 @@ class BarrelAndRod(NamedTuple):
 
     def pose(self, links: Sequence[LinkPose]) -> tuple[LinkPose, LinkPose, Real]:
         """Computes the poses of barrel and rod, and the sine from the rod's pin to the guide."""
-        e, (D, D_1, D_2) = self.offset, _derivatives(self.apart, links)
-        square = dot(D, D)
-        distance = sqrt(square)
+        e = self.offset
+        D, D_1, D_2 = _derivatives(self.apart, links)
+        D_squared = dot(D, D)
+        distance = sqrt(D_squared)
         margin = distance - self.nearest
-        require(margin > 0, self.refuse, links[0].position, square)
+        require(margin > 0, self.refuse, links[0].position, D_squared)
         s = sqrt(margin * (distance + self.nearest))
-        over_s, scale = 1.0 / s, 1.0 / square
+        over_s, scale = 1.0 / s, 1.0 / D_squared
         g = turned(D, scale * s, scale * -e)
         phi_1 = [cross(g, d) * over_s for d in D_1]
         s_1 = [dot(d, g) + e * phi for d, phi in zip(D_1, phi_1, strict=True)]
+        # Factors of each product of two rates in phi'^2, s' phi', and then phi'' and s''.
         phi_phi, s_phi = _squares(phi_1), _mixed(s_1, phi_1)
         products = range(len(D_2))
         phi_2 = [(cross(g, D_2[i]) - 2 * s_phi[i] + e * phi_phi[i]) * over_s for i in products]
@@ -547,23 +593,23 @@ def _derivatives(
         links: Poses of the links that carry it.
 
     Returns:
-        The position, the first derivatives, and the coefficients of the products of rates in the
-        acceleration, as in `LinkPose`.
+        The position x; x_1, its derivatives; and x_2, the coefficients of the products of rates
+        in its acceleration, as in `LinkPose`.
     """
-    count, still = len(links[0].jacobian), Vector(ZERO, ZERO)
-    place, slopes = point.fixed, [still] * count
-    changes = [still] * (count * (count + 1) // 2)
+    count = len(links[0].jacobian)  # of the coordinates
+    x, zero = point.fixed, Vector(ZERO, ZERO)
+    x_1, x_2 = [zero] * count, [zero] * (count * (count + 1) // 2)
     # The weights of later links, which the point does not depend on, are 0.
     for weight, link in zip(point.weights, links, strict=False):
         if weight.x is ZERO and weight.y is ZERO:
             continue
         arm = turned(link.direction, weight.x, weight.y)
         left = arm.left()
-        place += arm
-        slopes = [slope + left * rate for slope, rate in zip(slopes, link.jacobian, strict=True)]
-        rows = zip(changes, link.curvature, _squares(link.jacobian), strict=True)
-        changes = [change + left * bend - arm * square for change, bend, square in rows]
-    return place, slopes, changes
+        x += arm
+        x_1 = [total + left * rate for total, rate in zip(x_1, link.jacobian, strict=True)]
+        terms = zip(x_2, link.curvature, _squares(link.jacobian), strict=True)
+        x_2 = [total + left * bend - arm * square for total, bend, square in terms]
+    return x, x_1, x_2
 
 
 def _squares(rates: Sequence[Real]) -> list[Real]:

@@ -186,9 +186,8 @@ class Model(NamedTuple):
 
     def coupled(self, pose: Pose, j: int, k: int) -> tuple[Real, Real]:
         """Returns A and B, the real and imaginary parts of C_jk e^(i (phi_k - phi_j))."""
-        coupling, first, second = (
-            self.coupling(j, k), pose.links[j].direction, pose.links[k].direction,
-        )  # fmt: skip
+        coupling = self.coupling(j, k)
+        first, second = pose.links[j].direction, pose.links[k].direction
         cos, sin = dot(first, second), cross(first, second)
         return coupling.x * cos - coupling.y * sin, coupling.x * sin + coupling.y * cos
 
@@ -230,7 +229,8 @@ def acting_forces(
         Index of a link and torque on it, N m, or force along its guide, N.
     """
     for j, link in enumerate(links):
-        yield j, (dot if model.links[j].is_guided else cross)(link.direction, model.weight(j))
+        product = dot if model.links[j].is_guided else cross
+        yield j, product(link.direction, model.weight(j))
     for load in model.loads:
         for wrench in load.wrenches(links, rates):
             yield from wrench.generalised(model.links, links)
@@ -253,29 +253,31 @@ def balance(
     Returns:
         The generalised force on each coordinate: N m for an angle, N for a slider's position.
     """
-    forces = [model.inertia(j) * change for j, change in enumerate(changes)]
+    forces = [model.inertia(j) * change for j, change in enumerate(changes)]  # on each link
     for j, force in acting_forces(model, pose.links, rates):
         forces[j] = forces[j] - force  # -= would modify an array
     for j, k in itertools.combinations(range(len(forces)), 2):
-        a, b = model.coupled(pose, j, k)
-        forces[j] = forces[j] + a * changes[k] - b * (rates[k] * rates[k])
-        forces[k] = forces[k] + a * changes[j] + b * (rates[j] * rates[j])
+        A, B = model.coupled(pose, j, k)
+        forces[j] = forces[j] + A * changes[k] - B * (rates[k] * rates[k])
+        forces[k] = forces[k] + A * changes[j] + B * (rates[j] * rates[j])
     return [_product(column, forces) for column in _columns(pose)]
 
 
 def mass_matrix(model: Model, pose: Pose) -> list[list[Real]]:
     """Computes the mass matrix M; see `Solver.matrix` for the units."""
-    size, columns = len(pose.links), _columns(pose)
-    inertias = [[ZERO] * size for _ in range(size)]
-    for j in range(size):
+    links, columns = range(len(pose.links)), _columns(pose)
+    inertias = [[ZERO] * len(links) for _ in links]  # of the links, before the jacobian
+    for j in links:
         inertias[j][j] = model.inertia(j)
-    for j, k in itertools.combinations(range(size), 2):
-        inertias[j][k] = inertias[k][j] = model.coupled(pose, j, k)[0]
+    for j, k in itertools.combinations(links, 2):
+        coupling, _ = model.coupled(pose, j, k)
+        inertias[j][k] = inertias[k][j] = coupling
     momenta = [[_product(row, column) for row in inertias] for column in columns]
+    coordinates = range(len(columns))
     # M is symmetric, so min and max let the tape share equal entries.
     return [
-        [_product(columns[min(i, j)], momenta[max(i, j)]) for j in range(len(columns))]
-        for i in range(len(columns))
+        [_product(columns[min(i, j)], momenta[max(i, j)]) for j in coordinates]
+        for i in coordinates
     ]
 
 
@@ -374,13 +376,12 @@ def solved(
     matrix: Sequence[Sequence[Real]], right: Sequence[Real], whole: Real
 ) -> tuple[Real, ...]:
     """Solves linear equations using Cramer's rule; `whole` is the determinant of the matrix."""
-    return tuple(
-        determinant(
-            [[*row[:i], side, *row[i + 1 :]] for row, side in zip(matrix, right, strict=True)]
-        )
-        / whole
-        for i in range(len(right))
-    )
+    solution = []
+    for i in range(len(right)):
+        rows = zip(matrix, right, strict=True)
+        replaced = [[*row[:i], side, *row[i + 1 :]] for row, side in rows]
+        solution.append(determinant(replaced) / whole)
+    return tuple(solution)
 
 
 def determinant(rows: Sequence[Sequence[Real]]) -> Real:
@@ -412,18 +413,35 @@ def dyad_sines(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Dyad
     The dyads of the current coordinates come first, then those of the other coordinates.
     """
     pose = model.loop.pose(tuple(q))
-    rates, found = velocities(pose, u), []
-    for dyad, exact in itertools.zip_longest((*model.dyads, *model.other_dyads), pose.sines):
-        (first, rate), (second, other_rate) = dyad_lines(model, pose, rates, dyad)
-        slope, sine = dot(first, second), cross(first, second) if exact is None else exact
-        rate = slope * (other_rate - rate)
-        found.append(DyadSine(abs(sine), where(sine >= 0, rate, -rate)))
-    return tuple(found)
+    rates, sines = velocities(pose, u), []
+    dyads = (*model.dyads, *model.other_dyads)
+    # The pose has exact sines of the first dyads alone.
+    for dyad, exact_sine in itertools.zip_longest(dyads, pose.sines):
+        first, second = dyad_lines(model, pose, rates, dyad)
+        cosine = dot(first.direction, second.direction)
+        sine = exact_sine
+        if sine is None:
+            sine = cross(first.direction, second.direction)
+        rate = cosine * (second.rate - first.rate)
+        sines.append(DyadSine(abs(sine), where(sine >= 0, rate, -rate)))
+    return tuple(sines)
+
+
+class Line(NamedTuple):
+    """The line of a dyad's link.
+
+    Attributes:
+        direction: Unit vector.
+        rate: Angular velocity, rad/s, or its derivative with respect to a coordinate.
+    """
+
+    direction: Vector
+    rate: Real
 
 
 def dyad_lines(
     model: Model, pose: Pose, rates: Sequence[Real], dyad: DyadLinks
-) -> list[tuple[Vector, Real]]:
+) -> tuple[Line, Line]:
     """Returns the lines of a dyad's two links, which are parallel where the dyad is in line.
 
     Args:
@@ -431,27 +449,30 @@ def dyad_lines(
         pose: Positions of the links.
         rates: Velocities of the links, or their derivatives with respect to a coordinate.
         dyad: The two links; see `structure.DyadLinks`.
-
-    Returns:
-        The unit vector of each line, and its angular velocity, rad/s.
     """
     i, j = dyad
-    first, slider = pose.links[i].direction, model.links[j]
-    found = [(-first.left() if slider.parent == i and slider.slides else first, rates[i])]
-    direction, parent = pose.links[j].direction, slider.parent
-    if not slider.slides:
-        found.append((direction, rates[j]))
-    elif parent is None or parent < i:  # the link on which it slides is solved before
-        spin = spin_of(model.links, j)
-        found.append((direction.left(), ZERO if spin is None else rates[spin]))
-    else:
-        origin: Any = slider.origin  # a `Vector` in formulas
-        along, across = pose.links[j].position, origin.y
-        square = along * along + across * across
-        length = sqrt(square)
-        line = turned(direction, along / length, across / length)
-        found.append((line, rates[parent] - across * rates[j] / square))
-    return found
+    last, direction = model.links[j], pose.links[j].direction
+    first = Line(pose.links[i].direction, rates[i])
+    if not last.slides:
+        return first, Line(direction, rates[j])
+    parent = last.parent
+    if parent == i:  # an inner guide
+        first = Line(-first.direction.left(), first.rate)
+    if parent is None or parent < i:  # a guide solved before: the line is its normal
+        return first, _normal_of_guide(model, direction, rates, j)
+    # The line from the pivot of the link with the guide to the pin of the sliding link.
+    origin: Any = last.origin  # a `Vector` in formulas
+    along, across = pose.links[j].position, origin.y
+    square = along * along + across * across
+    length = sqrt(square)
+    line = turned(direction, along / length, across / length)
+    return first, Line(line, rates[parent] - across * rates[j] / square)
+
+
+def _normal_of_guide(model: Model, guide: Vector, rates: Sequence[Real], j: int) -> Line:
+    """Returns the normal of the guide on which link j slides."""
+    spin = spin_of(model.links, j)
+    return Line(guide.left(), ZERO if spin is None else rates[spin])
 
 
 def point_motion(
@@ -475,19 +496,17 @@ def energy(
     require(is_finite(*q, *u, *outside), model.refuse, *q, *u, *outside)
     model = model.within(environment)
     pose = model.loop.pose(tuple(q))
-    matrix = mass_matrix(model, pose)
     kinetic = total(
-        0.5 * mass * (one * other)
-        for row, one in zip(matrix, u, strict=True)
-        for mass, other in zip(row, u, strict=True)
+        0.5 * mass * (u_i * u_j)
+        for row, u_i in zip(mass_matrix(model, pose), u, strict=True)
+        for mass, u_j in zip(row, u, strict=True)
     )
-    links = zip(pose.links, model.links, strict=True)
-    weights = total(
+    of_weights = [
         -dot(link.direction, model.weight(j)) * (link.position if body.is_guided else 1.0)
-        for j, (link, body) in enumerate(links)
-    )
-    loads = (load.potential(pose.links) for load in model.loads)
-    potential = total([weights, *loads])
+        for j, (link, body) in enumerate(zip(pose.links, model.links, strict=True))
+    ]
+    of_loads = [load.potential(pose.links) for load in model.loads]
+    potential = total([total(of_weights), *of_loads])
     require(is_finite(kinetic, potential), model.refuse, *q, *u, *outside)
     return kinetic, potential
 

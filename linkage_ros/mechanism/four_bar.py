@@ -15,6 +15,9 @@ angle gives, with nu = [(d-r)(d+r) - (b-c)(b+c) mu'] / L^2,
 
     beta' = (1 - nu - mu') / 2        gamma' = (1 - nu + mu') / 2
 
+In the code, h = theta/2, m = mu/2, and x_1 and x_2 are the first and second derivatives of x with
+respect to the crank angle.
+
 `short_sum` computes all sums of lengths that determine the mobility, so that equalities hold for
 lengths entered as decimals.
 """
@@ -50,7 +53,7 @@ from linkage_ros.mechanism.parts import (
 )
 from linkage_ros.mechanism.points import TracedPoint, points_field
 from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, direction
-from linkage_ros.mechanism.transmission import Square, Transmission, swing_middle
+from linkage_ros.mechanism.transmission import HalfAngles, Square, Transmission, swing_middle
 from linkage_ros.numeric import (
     HALF_PI,
     Real,
@@ -108,47 +111,67 @@ class FourBarLoop(NamedTuple):
         """
         (crank,) = q
         halves = self.transmission.half_angles(crank)
-        S, C, sin_m, cos_m, *_ = halves
-        # Unit vectors: half_way = e^(i (delta + theta/2)), the crank is half_way e^(i theta/2).
-        half_way = turned(self.axis, C, S)
-        # Half of mu' and of its derivative.
-        turn, bend = self.transmission.slopes(halves, 0.5)
+        half_way = turned(self.axis, halves.cos_h, halves.sin_h)  # e^(i (delta + h))
+        m_1, m_2 = self.transmission.slopes(halves, 0.5)
         if self.side < 0:
-            turn, bend = -turn, -bend
-        if self.length is None:
-            base, mean, mean_slope = half_way * self.quotient, 0.5, ZERO
-        else:
-            diff_dr, sum_dr = self.ground
-            diff_bc, sum_bc = self.dyad
-            nearest, growth = self.length
-            ground = Vector(diff_dr * C, sum_dr * S)
-            dyad = Vector(diff_bc * cos_m, sum_bc * sin_m)
-            square = nearest + growth * (S * S)
-            scale = 1.0 / square
-            base = turned(half_way, scale * dot(ground, dyad), scale * cross(ground, dyad))
-            if self.close:
-                mean, mean_slope = self._mean_near_pivot(halves, (turn, bend), square)
-            else:
-                # (1 - nu) / 2 = [r (r - d cos theta) + (b-c)(b+c) mu'/2] / L^2
-                arm, arm_growth = self.arm
-                mean = scale * (arm + arm_growth * (S * S) + self.moment * turn)
-                mean_slope = scale * ((arm_growth - mean * growth) * (S * C) + self.moment * bend)
-        signed = self.side * sin_m
-        coupler = Vector(base.x * cos_m + base.y * signed, base.y * cos_m - base.x * signed)
-        rocker = Vector(base.x * cos_m - base.y * signed, base.y * cos_m + base.x * signed)
+            m_1, m_2 = -m_1, -m_2
+        mean, mean_1, mean_2 = self._mean_direction(half_way, halves, (m_1, m_2))
+        # The coupler is turned by -m, the rocker by +m from their mean direction.
+        cos_m, signed_sin_m = halves.cos_m, self.side * halves.sin_m
+        coupler = Vector(
+            mean.x * cos_m + mean.y * signed_sin_m, mean.y * cos_m - mean.x * signed_sin_m
+        )
+        rocker = Vector(
+            mean.x * cos_m - mean.y * signed_sin_m, mean.y * cos_m + mean.x * signed_sin_m
+        )
+        crank_direction = turned(half_way, halves.cos_h, halves.sin_h)
         return Pose(
             (
-                LinkPose(crank, turned(half_way, C, S), (1.0,), (ZERO,)),
-                LinkPose(
-                    atan2(coupler.y, coupler.x), coupler, (mean - turn,), (mean_slope - bend,)
-                ),
-                LinkPose(atan2(rocker.y, rocker.x), rocker, (mean + turn,), (mean_slope + bend,)),
+                LinkPose(crank, crank_direction, (1.0,), (ZERO,)),
+                LinkPose(atan2(coupler.y, coupler.x), coupler, (mean_1 - m_1,), (mean_2 - m_2,)),
+                LinkPose(atan2(rocker.y, rocker.x), rocker, (mean_1 + m_1,), (mean_2 + m_2,)),
             ),
-            (2 * (signed * cos_m),),
+            (2 * (signed_sin_m * cos_m),),  # sin mu
         )
 
+    def _mean_direction(
+        self, half_way: Vector, halves: HalfAngles, m_slopes: tuple[Real, Real]
+    ) -> tuple[Vector, Real, Real]:
+        """Computes the mean direction of coupler and rocker, (beta + gamma) / 2.
+
+        Args:
+            half_way: e^(i (delta + h)).
+            halves: Result of `Transmission.half_angles`.
+            m_slopes: m' and m''.
+
+        Returns:
+            The unit vector, and the first and second derivatives of its angle, the first of which
+            is (1 - nu) / 2.
+        """
+        if self.length is None:
+            return half_way * self.quotient, 0.5, ZERO
+        sin_h, cos_h, sin_m, cos_m, *_ = halves
+        m_1, m_2 = m_slopes
+        # The brackets in the two equations of the triangles.
+        diff_dr, sum_dr = self.ground
+        diff_bc, sum_bc = self.dyad
+        ground = Vector(diff_dr * cos_h, sum_dr * sin_h)
+        dyad = Vector(diff_bc * cos_m, sum_bc * sin_m)
+        nearest, growth = self.length
+        over_square = 1.0 / (nearest + growth * (sin_h * sin_h))  # 1 / L^2
+        mean = turned(half_way, over_square * dot(ground, dyad), over_square * cross(ground, dyad))
+        if self.close:
+            return mean, *self._mean_near_pivot(halves, m_slopes)
+        # (1 - nu) / 2 = [r (r - d cos theta) + (b-c)(b+c) mu'/2] / L^2
+        arm, arm_growth = self.arm
+        mean_1 = over_square * (arm + arm_growth * (sin_h * sin_h) + self.moment * m_1)
+        mean_2 = over_square * (
+            (arm_growth - mean_1 * growth) * (sin_h * cos_h) + self.moment * m_2
+        )
+        return mean, mean_1, mean_2
+
     def _mean_near_pivot(
-        self, halves: tuple[Real, ...], slopes: tuple[Real, Real], square: Real
+        self, halves: HalfAngles, m_slopes: tuple[Real, Real]
     ) -> tuple[Real, Real]:
         """Computes (1 - nu) / 2 and its derivative where A is close to B0, so that L << d.
 
@@ -158,34 +181,34 @@ class FourBarLoop(NamedTuple):
 
         Args:
             halves: Result of `Transmission.half_angles`.
-            slopes: mu' / 2 and mu'' / 2.
-            square: L^2, m^2.
+            m_slopes: m' and m''.
 
         Returns:
             (1 - nu) / 2, and its derivative with respect to the crank angle.
         """
-        (S, C, sin_m, cos_m, u, v), (turn, bend) = halves, slopes
+        sin_h, cos_h, sin_m, cos_m, u, v = halves
+        m_1, m_2 = m_slopes
         kappa = self.transmission.kappa
         p, q = self.transmission.cos_squared.least, self.transmission.sin_squared.least
         (diff_dr, sum_dr), (diff_bc, _) = self.ground, self.dyad
-        # 1 - u^2 and 1 - v^2, and half the derivatives of u^2 and v^2.
-        lack_u, lack_v = p / (cos_m * cos_m), q / (sin_m * sin_m)
-        half_u, half_v = (
-            -0.5 * u * lack_u * kappa * S / cos_m,
-            0.5 * v * lack_v * kappa * C / sin_m,
-        )
+        # 1 - u^2 and 1 - v^2 without cancellation, and half the derivatives of u^2 and v^2.
+        one_less_uu, one_less_vv = p / (cos_m * cos_m), q / (sin_m * sin_m)
+        u_u_1 = -0.5 * u * one_less_uu * kappa * sin_h / cos_m
+        v_v_1 = 0.5 * v * one_less_vv * kappa * cos_h / sin_m
         dr, bc = sum_dr * sum_dr, diff_bc * diff_bc
-        g = dr * lack_v + bc * lack_u * (v * v)
-        g_slope = 2 * (bc * (lack_u * half_v - v * v * half_u) - dr * half_v)
-        a, e = diff_dr * sum_dr, 2 * self.moment * turn
-        growth = ZERO if self.length is None else self.length[1]
-        e_slope, square_slope = 2 * self.moment * bend, growth * (S * C)
+        g = dr * one_less_vv + bc * one_less_uu * (v * v)
+        g_1 = 2 * (bc * (one_less_uu * v_v_1 - v * v * u_u_1) - dr * v_v_1)
+        a = diff_dr * sum_dr
+        e, e_1 = 2 * self.moment * m_1, 2 * self.moment * m_2
+        nearest, growth = self.length or (ZERO, ZERO)
+        square, square_1 = nearest + growth * (sin_h * sin_h), growth * (sin_h * cos_h)
+        # g / (a + e), or (a - e) / L^2 where these do not cancel.
         same_sign = a * e > 0
         top, bottom = where(same_sign, g, a - e), where(same_sign, a + e, square)
-        top_slope = where(same_sign, g_slope, -e_slope)
+        top_1, bottom_1 = where(same_sign, g_1, -e_1), where(same_sign, e_1, square_1)
         nu = top / bottom
-        nu_slope = (top_slope - nu * where(same_sign, e_slope, square_slope)) / bottom
-        return 0.5 * (1.0 - nu), -0.5 * nu_slope
+        nu_1 = (top_1 - nu * bottom_1) / bottom
+        return 0.5 * (1.0 - nu), -0.5 * nu_1
 
 
 class ByRocker(NamedTuple):
@@ -292,23 +315,22 @@ class FourBar(Mechanism):
         r, b, c, d = self._lengths()
         longest, side = max(r, b, c, d), 1 if self.assembly == OPEN else -1
         far, near, other = (short_sum(longest, *terms) for terms in self._sums().values())
-        ground, (diff_bc, sum_bc) = self._pairs(far, near, other)
-        diff_dr, sum_dr = ground
+        (diff_dr, sum_dr), (diff_bc, sum_bc) = self._pairs(far, near, other)
         transmission = self._transmission(far, near, other, sum_dr + sum_bc)
-        concentric = diff_dr == 0 and diff_bc == 0
-        axis = Vector.at(self.frame.angle)
+        passes_rocker_pivot = diff_dr == 0 and diff_bc == 0
+        # If the crank cannot reach theta = 0, L never becomes short.
+        reaches_near_end = not transmission.sin_squared.limits
         return FourBarLoop(
             transmission,
             side,
-            axis=axis,
-            ground=ground,
+            axis=Vector.at(self.frame.angle),
+            ground=(diff_dr, sum_dr),
             dyad=(diff_bc, side * sum_bc),
-            length=None if concentric else (diff_dr * diff_dr, 4 * r * d),
+            length=None if passes_rocker_pivot else (diff_dr * diff_dr, 4 * r * d),
             moment=diff_bc * sum_bc,
             arm=(-r * diff_dr, 2 * r * d),
             quotient=1 if side * transmission.kappa > 0 else -1,
-            # If the crank cannot reach theta = 0, L never becomes short.
-            close=not transmission.sin_squared.limits and abs(diff_dr) < _CLOSE * sum_dr,
+            close=reaches_near_end and abs(diff_dr) < _CLOSE * sum_dr,
         )
 
     def _pairs(self, far: float, near: float, other: float) -> tuple[tuple[float, float], ...]:
@@ -340,10 +362,11 @@ class FourBar(Mechanism):
         r, b, c, d = self._lengths()
         # Direction from B0 to A0, as a float and its rounding error: the frame's angle plus or
         # minus pi, whichever is closer to 0.
-        way = math.copysign(2.0, -self.frame.angle)
-        high, error = two_sum(self.frame.angle, way * HALF_PI[0])
-        reference = high, error + way * HALF_PI[1]
-        loop = FourBar(Frame(d, reference[0]), Body(c), Body(b), Body(r), self.assembly).loop()
+        half_turns = math.copysign(2.0, -self.frame.angle)  # in units of pi / 2
+        high, error = two_sum(self.frame.angle, half_turns * HALF_PI[0])
+        reference = high, error + half_turns * HALF_PI[1]
+        reversed_linkage = FourBar(Frame(d, high), Body(c), Body(b), Body(r), self.assembly)
+        loop = reversed_linkage.loop()
         transmission = loop.transmission._replace(reference=reference)
         return ByRocker(
             loop._replace(transmission=transmission, axis=-Vector.at(self.frame.angle))

@@ -54,6 +54,24 @@ from linkage_ros.quantities import quantity
 CYLINDER = 'cylinder'  # value of `input` if the rod is driven
 
 
+class _PivotLine(NamedTuple):
+    """The line from B0 to A, and the directions that follow from it.
+
+    Attributes:
+        crank: Unit vector of the crank.
+        barrel: Unit vector of the barrel.
+        psi_1: psi', the derivative of the line's direction with respect to the crank angle.
+        psi_2: psi''.
+        over_length: 1 / L, 1/m.
+    """
+
+    crank: Vector
+    barrel: Vector
+    psi_1: Real
+    psi_2: Real
+    over_length: Real
+
+
 class InvertedSliderCrankLoop(NamedTuple):
     """The kinematic constants of an inverted slider-crank; the coordinate is the crank angle.
 
@@ -101,35 +119,40 @@ class InvertedSliderCrankLoop(NamedTuple):
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the pose of crank, barrel and rod at a crank angle, rad."""
         (crank,) = q
-        sine, cosine = half_angle(crank, self.reference)
-        x, y = self.growth * sine, self.growth * cosine
-        slide = self.side * self.square.root(x, y, self.refuse, crank)
-        slope = 0.5 * (x * y) / slide
-        bend = 0.25 * (self.square.least * (y * y) / (slide * slide) - x * x) / slide
-        ways, (turn, turn_bend), over = self._directions(x, y, sine, cosine, slide)
-        reach = self.offset * (over * over)
-        barrel = turn + reach * slope
-        barrel_bend = turn_bend + reach * (bend - 2 * (over * slope) * (over * slope) * slide)
-        return _pose(
-            ways,
-            (crank, slide),
-            ((1.0, ZERO), (barrel, barrel_bend), (slope, bend)),
-            slide * over,
+        sin_h, cos_h = half_angle(crank, self.reference)
+        x, y = self.growth * sin_h, self.growth * cos_h
+        s = self.side * self.square.root(x, y, self.refuse, crank)
+        s_1 = 0.5 * (x * y) / s
+        s_2 = 0.25 * (self.square.least * (y * y) / (s * s) - x * x) / s
+        line = self._line((x, y), (sin_h, cos_h), s)
+        over_length = line.over_length
+        e_over_square = self.offset * (over_length * over_length)
+        phi_1 = line.psi_1 + e_over_square * s_1
+        phi_2 = line.psi_2 + e_over_square * (
+            s_2 - 2 * (over_length * s_1) * (over_length * s_1) * s
+        )
+        barrel = line.barrel
+        return Pose(
+            (
+                LinkPose(crank, line.crank, (1.0,), (ZERO,)),
+                LinkPose(atan2(barrel.y, barrel.x), barrel, (phi_1,), (phi_2,)),
+                LinkPose(s, barrel, (s_1,), (s_2,)),
+            ),
+            (s * over_length,),
         )
 
-    def _directions(
-        self, x: Real, y: Real, sine: Real, cosine: Real, slide: Real
-    ) -> tuple[tuple[Vector, Vector], tuple[Real, Real], Real]:
-        """Computes the directions of crank and barrel, psi' and psi'', and 1 / L."""
-        near, far = self.ground
-        half_way = turned(self.axis, cosine, sine)
-        line = turned(half_way, -near * cosine, far * sine)
-        square = slide * slide + self.offset * self.offset
+    def _line(self, xy: tuple[Real, Real], half: tuple[Real, Real], s: Real) -> '_PivotLine':
+        """Computes the line from B0 to A from x and y, the sine and cosine of h, and s."""
+        (x, y), (sin_h, cos_h) = xy, half
+        diff_dr, sum_dr = self.ground
+        half_way = turned(self.axis, cos_h, sin_h)  # e^(i (delta + h))
+        from_pivot = turned(half_way, -diff_dr * cos_h, sum_dr * sin_h)  # A - B0
+        square = s * s + self.offset * self.offset
         scale = 1.0 / square
-        barrel = turned(line, scale * slide, scale * -self.offset)
-        turn = scale * (0.5 * (x * x) - self.crank * near)
-        turn_bend = 0.5 * (x * y) * (scale * near) * (scale * far)
-        return (turned(half_way, cosine, sine), barrel), (turn, turn_bend), 1.0 / sqrt(square)
+        barrel = turned(from_pivot, scale * s, scale * -self.offset)
+        psi_1 = scale * (0.5 * (x * x) - self.crank * diff_dr)
+        psi_2 = 0.5 * (x * y) * (scale * diff_dr) * (scale * sum_dr)
+        return _PivotLine(turned(half_way, cos_h, sin_h), barrel, psi_1, psi_2, 1.0 / sqrt(square))
 
 
 class ByRod(InvertedSliderCrankLoop):
@@ -152,37 +175,32 @@ class ByRod(InvertedSliderCrankLoop):
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the pose of crank, barrel and rod at a position of the rod, m."""
-        (slide,) = q
-        least = self.square.least
-        fold, y = self.triangle.roots(slide, self.refuse)
-        x = self.side * fold
-        area = x * y
-        slope = 2 * slide / area
-        bend = 2 * (x * x * (x * x) - least * (y * y - x * x)) / (area * area * area)
-        ways, (turn, turn_bend), over = self._directions(
-            x, y, x / self.growth, y / self.growth, slide
+        (s,) = q
+        least = self.square.least  # q in the module's formulas
+        size_of_x, y = self.triangle.roots(s, self.refuse)
+        x = self.side * size_of_x
+        xy = x * y
+        # Derivatives with respect to s: alpha', phi' and so on.
+        alpha_1 = 2 * s / xy
+        alpha_2 = 2 * (x * x * (x * x) - least * (y * y - x * x)) / (xy * xy * xy)
+        line = self._line((x, y), (x / self.growth, y / self.growth), s)
+        over_length = line.over_length
+        e_over_square = self.offset * (over_length * over_length)
+        phi_1 = line.psi_1 * alpha_1 + e_over_square
+        phi_2 = (
+            line.psi_2 * (alpha_1 * alpha_1)
+            + line.psi_1 * alpha_2
+            - 2 * e_over_square * s * (over_length * over_length)
         )
-        reach = self.offset * (over * over)
-        barrel = turn * slope + reach
-        barrel_bend = turn_bend * (slope * slope) + turn * bend - 2 * reach * slide * (over * over)
-        crank = atan2(ways[0].y, ways[0].x)
-        sine = 0.5 * area * over / self.crank
-        return _pose(
-            ways, (crank, slide), ((slope, bend), (barrel, barrel_bend), (1.0, ZERO)), sine
+        crank, barrel = line.crank, line.barrel
+        return Pose(
+            (
+                LinkPose(atan2(crank.y, crank.x), crank, (alpha_1,), (alpha_2,)),
+                LinkPose(atan2(barrel.y, barrel.x), barrel, (phi_1,), (phi_2,)),
+                LinkPose(s, barrel, (1.0,), (ZERO,)),
+            ),
+            (0.5 * xy * over_length / self.crank,),
         )
-
-
-def _pose(
-    ways: tuple[Vector, Vector],
-    places: tuple[Real, Real],
-    slopes: tuple[tuple[Real, Real], ...],
-    sine: Real,
-) -> Pose:
-    """Collects a pose from directions of crank and barrel, and derivatives of all links."""
-    (crank, barrel), (angle, slide) = ways, places
-    positions = (angle, crank), (atan2(barrel.y, barrel.x), barrel), (slide, barrel)
-    links = zip(positions, slopes, strict=True)
-    return Pose(tuple(LinkPose(*place, (one,), (two,)) for place, (one, two) in links), (sine,))
 
 
 @dataclass(frozen=True, repr=False)
@@ -287,16 +305,16 @@ class InvertedSliderCrank(SlideDriven):
         kind = ByRod if is_by_rod else InvertedSliderCrankLoop
         reach = self.reach_of_slide if is_by_rod else self.reach_of_crank
         return kind(
-            (self.frame.angle, 0.0),
-            Vector.at(self.frame.angle),
-            1 if description.assembly == OPEN else -1,
-            r,
-            (exact_sum(d, -r), exact_sum(d, r)),
-            self.offset,
-            2 * math.sqrt(r * d),
-            Square.of(least * other, most * all_sum),
-            Triangle.of((r, d), self.offset),
-            Opaque(lambda place: reach().refuse(place)),
+            reference=(self.frame.angle, 0.0),
+            axis=Vector.at(self.frame.angle),
+            side=1 if description.assembly == OPEN else -1,
+            crank=r,
+            ground=(exact_sum(d, -r), exact_sum(d, r)),
+            offset=self.offset,
+            growth=2 * math.sqrt(r * d),
+            square=Square.of(least * other, most * all_sum),
+            triangle=Triangle.of((r, d), self.offset),
+            refuse=Opaque(lambda place: reach().refuse(place)),
         )
 
     def reach_of_slide(self) -> Reach:

@@ -52,7 +52,7 @@ from linkage_ros.mechanism.equations import (
 from linkage_ros.mechanism.kinematics import LinkPose, Pose, Rows
 from linkage_ros.mechanism.loads.base import Contact
 from linkage_ros.mechanism.nested import leaves
-from linkage_ros.mechanism.structure import Link, Pin
+from linkage_ros.mechanism.structure import DyadLinks, Link, Pin
 from linkage_ros.mechanism.wrenches import FRAME, Wrench, place
 from linkage_ros.numeric import Real
 
@@ -103,17 +103,36 @@ class Reactions(NamedTuple):
     torque: Real
 
 
+class JointForces(NamedTuple):
+    """The values of `Reactions`, in the order of pins and sliding links.
+
+    Attributes:
+        pins: Forces in the pins, N.
+        guides: Normal forces of the guides, N.
+        shaking_force: See `Reactions`, as for the next two.
+        shaking_moment: Moment on the frame, N m.
+        torque: Driving torque, N m, or force, N.
+        moments: Moments of the guides, N m.
+    """
+
+    pins: tuple[Vector, ...]
+    guides: tuple[Real, ...]
+    shaking_force: Vector
+    shaking_moment: Real
+    torque: Real
+    moments: tuple[Real, ...]
+
+
 def reactions(
     model: Model,
     q: Sequence[Real],
     u: Sequence[Real],
     a: Sequence[Real],
     environment: Environment = AT_REST,
-) -> tuple[tuple[Vector, ...], tuple[Real, ...], Vector, Real, Real, tuple[Real, ...]]:
-    """Computes the joint forces of a moving mechanism, in the order of the fields of `Reactions`.
+) -> JointForces:
+    """Computes the joint forces of a moving mechanism.
 
-    The moments of the guides are the last item. The forces grow without bound near a change point
-    or a limit of the crank.
+    The forces grow without bound near a change point or a limit of the crank.
     """
     outside = leaves(environment)
     require(is_finite(*q, *u, *a, *outside), model.refuse, *q, *u, *a, *outside)
@@ -121,26 +140,44 @@ def reactions(
     rates, changes = velocities(pose, u), accelerations(pose, u, a)
     balance = _Balance(model.within(environment), pose, rates, changes)
     shaking_force = balance.force_of_all()
+    # Each dyad carries the later ones, so the last one is solved first.
     for dyad, sine in reversed(list(zip(model.dyads, pose.sines, strict=True))):
-        columns = zip(*(link.jacobian for link in pose.links), strict=True)
-        for angle, column in zip(q, columns, strict=True):
-            (_, k1), (_, k2) = dyad_lines(model, pose, column, dyad)
-            # Reject coordinates within rounding errors of a change point.
-            size = abs(angle) if model.links[model.driven].slides else 1 + abs(angle)
-            near = _ULPS * abs(k2 - k1) * size
-            require(abs(sine) > near, model.refuse_forces, *q)
+        _require_finite_forces(model, q, pose, dyad, sine)
         i, j = dyad
-        balance.solve(i, j, sine)
+        balance.solve_dyad(i, j, sine)
         balance.solve_last_pin(j)
         balance.solve_last_pin(i)
     for j in reversed(range(len(pose.links))):
         balance.solve_last_pin(j)
-    sliding = [j for j, link in enumerate(model.links) if link.slides]
-    guides, moments = zip(*map(balance.guide, sliding), strict=True) if sliding else ((), ())
+    guides = [balance.guide(j) for j, link in enumerate(model.links) if link.slides]
     torque, lever = balance.drive(model.driven)
-    forces = tuple(balance.forces[pin.name] for pin in model.pins)
-    shaking_moment = -balance.moment(_FRAME) - lever * torque
-    return forces, guides, shaking_force, shaking_moment, torque, moments
+    return JointForces(
+        pins=tuple(balance.forces[pin.name] for pin in model.pins),
+        guides=tuple(guide.force for guide in guides),
+        shaking_force=shaking_force,
+        shaking_moment=-balance.moment(_FRAME) - lever * torque,
+        torque=torque,
+        moments=tuple(guide.moment for guide in guides),
+    )
+
+
+def _require_finite_forces(
+    model: Model, q: Sequence[Real], pose: Pose, dyad: DyadLinks, sine: Real
+) -> None:
+    """Rejects coordinates within rounding errors of one at which a dyad is in line."""
+    columns = zip(*(link.jacobian for link in pose.links), strict=True)
+    for coordinate, column in zip(q, columns, strict=True):
+        first, second = dyad_lines(model, pose, column, dyad)
+        size = abs(coordinate) if model.links[model.driven].slides else 1 + abs(coordinate)
+        rounding = _ULPS * abs(second.rate - first.rate) * size  # of the sine
+        require(abs(sine) > rounding, model.refuse_forces, *q)
+
+
+class _AppliedForce(NamedTuple):
+    """A known force on a body, N, and its point of application, m."""
+
+    point: Vector
+    force: Vector
 
 
 class _Balance:
@@ -161,60 +198,62 @@ class _Balance:
     ) -> None:
         self.forces: dict[str, Vector] = {}
         self.driving_force: Real = ZERO
-        self._guides: dict[int, tuple[Real, Real]] = {}
+        self._guides: dict[int, GuideForce] = {}
         self._links, self._pins, self._poses = model.links, model.pins, pose.links
         self._directions = [link.direction for link in pose.links]
         self._positions = {
-            pin.name: place.motion(self._directions, rates, changes)[0]
-            for pin, place in zip(model.pins, model.pin_points, strict=True)
+            pin.name: point.motion(self._directions, rates, changes)[0]
+            for pin, point in zip(model.pins, model.pin_points, strict=True)
         }
-        # For each body, the known forces with their points of application, and the known couple.
-        # Following d'Alembert, inertia is included as reversed forces and couples.
-        self._known: list[list[tuple[Vector, Vector]]] = [[] for _ in (*model.links, 'frame')]
-        self._couples = [ZERO] * len(self._known)
+        # For each body, the known forces and the known couple.
+        bodies = len(model.links) + 1
+        self._applied: list[list[_AppliedForce]] = [[] for _ in range(bodies)]
+        self._couples = [ZERO] * bodies
         # For each sliding link, its pin, through which the forces along and across its guide pass.
-        self._slid: dict[int, Vector] = {}
+        self._guide_pins: dict[int, Vector] = {}
+        pin_of = {pin.second: pin.name for pin in model.pins}
         for j, body in enumerate(model.links):
             center, _, acceleration = body.center.motion(self._directions, rates, changes)
-            self._known[j].append((center, (model.gravity - acceleration) * body.mass))
+            # Following d'Alembert, inertia is included as reversed forces and couples.
+            self._applied[j].append(
+                _AppliedForce(center, (model.gravity - acceleration) * body.mass)
+            )
             spin = spin_of(model.links, j)
             change = ZERO if spin is None else changes[spin]
             self._couples[j] = self._couples[j] - body.inertia * change
             if body.slides:
-                self._slid[j] = center
-        for pin in model.pins:
-            if model.links[pin.second].slides:
-                self._slid[pin.second] = self._positions[pin.name]
+                self._guide_pins[j] = self._positions[pin_of[j]] if j in pin_of else center
         for load in model.loads:
             for wrench in load.wrenches(pose.links, rates):
                 self._exert(wrench, pose.links)
 
     def _exert(self, wrench: Wrench, links: Sequence[LinkPose]) -> None:
         """Adds a wrench to the balances of its body and of the body that exerts it, if any."""
-        body, effort, held, force, point, couple = wrench
-        self._add_effort(body, body, effort)
+        body = wrench.body
+        self._add_effort(body, body, wrench.effort)
         if body != _FRAME and self._links[body].slides and not self._links[body].is_guided:
-            self._add_effort(self._parent(body), body, -effort)
+            self._add_effort(self._parent(body), body, -wrench.effort)
         else:
-            self._add_effort(_FRAME, body, -held)
-        self._couples[body] = self._couples[body] + couple
-        if point is None:
-            return
-        self._push(body, place(point, links), force)
+            self._add_effort(_FRAME, body, -wrench.by_frame)
+        self._couples[body] = self._couples[body] + wrench.couple
+        if wrench.point is not None:
+            self._push(body, place(wrench.point, links), wrench.force)
 
     def _push(self, body: int, at: Vector, force: Vector) -> None:
         """Adds a force at a point of a body; the guide of a guided link takes its moment."""
-        center = self._slid[body] if body != _FRAME and self._links[body].is_guided else at
-        if at is not center:
-            self._couples[body] = self._couples[body] + cross(at - center, force)
-        self._known[body].append((center, force))
+        if body != _FRAME and self._links[body].is_guided:
+            pin = self._guide_pins[body]
+            if at is not pin:
+                self._couples[body] = self._couples[body] + cross(at - pin, force)
+            at = pin
+        self._applied[body].append(_AppliedForce(at, force))
 
     def _add_effort(self, body: int, j: int, effort: Real) -> None:
         """Adds a load of link j to a body: a force along the guide or, if j turns, a couple."""
         if j == _FRAME or not self._links[j].slides:
             self._couples[body] = self._couples[body] + effort
         elif effort is not ZERO:
-            self._push(body, self._slid[j], self._directions[j] * effort)
+            self._push(body, self._guide_pins[j], self._directions[j] * effort)
 
     def _parent(self, j: int) -> int:
         """Returns the body on which a link slides."""
@@ -223,19 +262,16 @@ class _Balance:
 
     def force(self, j: int) -> Vector:
         """Returns the force, N, that is missing from the force balance of body j."""
-        return -Vector(*map(total, zip(*(force for _, force in self._known[j]), strict=True)))
+        return -_sum(self._applied[j])
 
     def force_of_all(self) -> Vector:
         """Returns the sum of the known forces on all bodies, N; joint forces cancel in it."""
-        known = itertools.chain.from_iterable(self._known)
-        return Vector(*map(total, zip(*(force for _, force in known), strict=True)))
+        return _sum([*itertools.chain.from_iterable(self._applied)])
 
     def moment(self, j: int, about: Vector = _ORIGIN) -> Real:
         """Returns the moment, N m, that is missing from the moment balance of body j."""
-        return -(
-            self._couples[j]
-            + total(cross(place - about, force) for place, force in self._known[j])
-        )
+        moments = (cross(applied.point - about, applied.force) for applied in self._applied[j])
+        return -(self._couples[j] + total(moments))
 
     def _add_pin_force(self, pin: Pin, force: Vector) -> None:
         """Adds a pin force to both of the pin's links."""
@@ -244,36 +280,51 @@ class _Balance:
         first = _FRAME if pin.first is None else pin.first
         self._push(first, self._positions[pin.name], -force)
 
-    def solve(self, i: int, j: int, sine: Real) -> None:
-        """Computes the force in the common pin of a dyad from the moments about its outer pins."""
-        own, others = self._pins_of(i), self._pins_of(j)
-        if self._links[j].slides and self._links[j].parent == i:
-            (pin,), (outer_pin,) = others, own
-            self._solve_cylinder(i, j, pin, self._positions[outer_pin.name])
+    def solve_dyad(self, i: int, j: int, sine: Real) -> None:
+        """Computes the force in the common pin of a dyad from the moments about its outer pins.
+
+        Args:
+            i: Index of the dyad's first link.
+            j: Index of its second link.
+            sine: See `Pose.sines`.
+        """
+        last = self._links[j]
+        if last.slides and last.parent == i:
+            self._solve_cylinder(i, j)
             return
-        (pin,), (outer_pin,) = own & others, own - others
-        inner, outer = self._positions[pin.name], self._positions[outer_pin.name]
-        first, second = self._directions[i], self._directions[j]
-        across_first = -self.moment(i, outer) / dot(inner - outer, first)
-        slides, parent = self._links[j].slides, self._links[j].parent
-        barrel = parent if slides and parent is not None and parent > i else None
+        (pin,) = self._pins_of(i) & self._pins_of(j)
+        at, first = self._positions[pin.name], self._directions[i]
+        # The force is that of the first link on the second.
+        across_first = -self._across(i, pin)
+        # A link that slides on a later link is the rod of a driven cylinder.
+        carrier = last.parent if last.slides else None
+        barrel = carrier if carrier is not None and carrier > i else None
         if barrel is not None:
-            second, across_second = self._across_barrel(barrel, j, inner)
-        elif slides:  # a guide exerts no force along itself
-            across_second = -dot(self.force(j), second)
-            second = second.left()
+            second, across_second = self._across_barrel(barrel, j, at)
+        elif last.slides:  # a guide exerts no force along itself
+            across_second = -dot(self.force(j), self._directions[j])
+            second = self._directions[j].left()
         else:
-            (outer_pin,) = others - own
-            outer = self._positions[outer_pin.name]
-            across_second = self.moment(j, outer) / dot(inner - outer, second)
+            second, across_second = self._directions[j], self._across(j, pin)
         force = (second * across_first - first * across_second) * (1.0 / sine)
         self._add_pin_force(pin, force)
         if barrel is not None:
-            self.driving_force = along = dot(self._directions[j], self.force(j))
-            self._add_effort(j, j, along)
-            self._add_effort(barrel, j, -along)
-        if slides and parent is not None:
+            self._drive_cylinder(barrel, j)
+        if carrier is not None:
             self.guide(j)
+
+    def _across(self, j: int, pin: Pin) -> Real:
+        """Returns the force in a pin across link j, N, from the moments about its other pin."""
+        (outer_pin,) = self._pins_of(j) - {pin}
+        outer = self._positions[outer_pin.name]
+        arm = self._positions[pin.name] - outer
+        return self.moment(j, outer) / dot(arm, self._directions[j])
+
+    def _drive_cylinder(self, barrel: int, rod: int) -> None:
+        """Adds the driving force between barrel and rod, from the force balance of the rod."""
+        self.driving_force = dot(self._directions[rod], self.force(rod))
+        self._add_effort(rod, rod, self.driving_force)
+        self._add_effort(barrel, rod, -self.driving_force)
 
     def _across_barrel(self, barrel: int, rod: int, pin: Vector) -> tuple[Vector, Real]:
         """Returns the direction from a barrel's pivot to its rod's pin, and the force across it.
@@ -287,15 +338,17 @@ class _Balance:
         moment = self.moment(barrel, outer) + self.moment(rod, outer)
         return arm * (1.0 / length), moment / length
 
-    def _solve_cylinder(self, i: int, j: int, pin: Pin, pivot: Vector) -> None:
+    def _solve_cylinder(self, i: int, j: int) -> None:
         """Computes the forces in the pin and in the guide of a link j that slides on a link i.
 
         The force balance of link j gives the component along the guide, and the moments of both
         links about the pivot of link i give the component across it.
         """
+        (pin,), (pivot,) = self._pins_of(j), self._pins_of(i)
         axis, origin = self._directions[j], cast('Any', self._links[j].origin)
         along = dot(axis, self.force(j))
-        moment = self.moment(i, pivot) + self.moment(j, pivot)
+        about = self._positions[pivot.name]
+        moment = self.moment(i, about) + self.moment(j, about)
         across = (moment + origin.y * along) / self._poses[j].position
         self._add_pin_force(pin, axis * along + axis.left() * across)
         self.guide(j)
@@ -324,22 +377,31 @@ class _Balance:
         """
         if not self._links[j].slides:
             return self.moment(j), 1.0
-        axis = self._directions[j]
         if not self._links[j].is_guided:
             return self.driving_force, ZERO
-        return dot(axis, self.force(j)), cross(self._slid[j], axis)
+        axis = self._directions[j]
+        return dot(axis, self.force(j)), cross(self._guide_pins[j], axis)
 
-    def guide(self, j: int) -> tuple[Real, Real]:
-        """Computes the force and the moment of a guide on its slider; see `Reactions`."""
-        if j not in self._guides:
-            across, place, body = self._directions[j].left(), self._slid[j], self._parent(j)
-            force = dot(across, self.force(j))
-            # All forces on a guided link pass through its pin.
-            moment = -self._couples[j] if body == _FRAME else self.moment(j, place)
-            self._push(body, place, across * -force)
-            self._couples[body] = self._couples[body] - moment
-            self._guides[j] = force, moment
+    def guide(self, j: int) -> GuideForce:
+        """Computes the force and the moment of a guide on its slider, and adds them to its body.
+
+        The first call computes them; later calls return the same result.
+        """
+        if j in self._guides:
+            return self._guides[j]
+        across, pin, body = self._directions[j].left(), self._guide_pins[j], self._parent(j)
+        force = dot(across, self.force(j))
+        # All forces on a guided link pass through its pin.
+        moment = -self._couples[j] if body == _FRAME else self.moment(j, pin)
+        self._push(body, pin, across * -force)
+        self._couples[body] = self._couples[body] - moment
+        self._guides[j] = GuideForce(force, moment)
         return self._guides[j]
+
+
+def _sum(applied: Sequence[_AppliedForce]) -> Vector:
+    """Returns the sum of forces, N."""
+    return Vector(total(one.force.x for one in applied), total(one.force.y for one in applied))
 
 
 # Loads that joint forces cause.
@@ -393,7 +455,7 @@ class Round(NamedTuple):
 
     Attributes:
         rows: The rows of the state under the loads caused by the previous forces.
-        reactions: Forces under these loads, in the order of the fields of `Reactions`.
+        reactions: Forces under these loads.
         loads: What the previous forces cause, for each of `Model.joint_loads`.
         search: Input of the next round; unchanged if the forces have converged.
         left: 0 if the forces have converged, 1 if more rounds are needed, -1 if friction locks
@@ -401,7 +463,7 @@ class Round(NamedTuple):
     """
 
     rows: Rows
-    reactions: tuple[Any, ...]
+    reactions: JointForces
     loads: tuple[FoundLoad, ...]
     search: Search
     left: Real
@@ -442,25 +504,33 @@ def joint_load_round(
         require(is_finite(*outside), model.refuse, *q, *u, *a, *outside)
     model = model.within(environment)
     rates = velocities(model.loop.pose(tuple(q)), u)
-    contacts_by_load, sizes = _contacts(model, rates), iter(search.sizes)
+    contacts_by_load = _contacts(model, rates)
     contacts = [*itertools.chain(*contacts_by_load)]
-    exert = functools.partial(_caused_loads, share=search.share, links=model.links)
+    caused = functools.partial(_caused_loads, share=search.share, links=model.links)
+    remaining_sizes = iter(search.sizes)
     loads = tuple(
-        exert(own, sizes=[*itertools.islice(sizes, len(own))]) for own in contacts_by_load
+        caused(own, sizes=[*itertools.islice(remaining_sizes, len(own))])
+        for own in contacts_by_load
     )
     loaded = model._replace(loads=(*model.loads, *loads))
-    found = reactions(loaded, q, u, a)
+    under_loads = reactions(loaded, q, u, a)
 
-    # R_km: the force in joint k under the loads caused by a force of 1 N in joint m.
+    # R_km: the force in joint k under the loads caused by a force of 1 N in joint m alone.
+    weightless = _without_weight_and_inertia(model)
+    slopes = []
+    for m in range(len(contacts)):
+        unit_sizes = [1.0 if k == m else ZERO for k in range(len(contacts))]
+        unit_load = caused(contacts, sizes=unit_sizes)
+        under_unit_load = reactions(weightless._replace(loads=(unit_load,)), q, u, a)
+        slopes.append(_forces(model, contacts, under_unit_load))
+    next_search, left = _newton_step(search, _forces(model, contacts, under_loads), slopes)
+    return Round(state(loaded, q, u, a), under_loads, loads, next_search, left)
+
+
+def _without_weight_and_inertia(model: Model) -> Model:
     nothing: Any = ZERO
     links = tuple(link._replace(mass=nothing, inertia=nothing) for link in model.links)
-    weightless = model._replace(links=links, gravity=Vector(ZERO, ZERO))
-    everyone = range(len(contacts))
-    units = [exert(contacts, sizes=[1.0 if k == m else ZERO for k in everyone]) for m in everyone]
-    alone = [reactions(weightless._replace(loads=(unit,)), q, u, a) for unit in units]
-    slopes = [_forces(model, contacts, one) for one in alone]
-    ahead, left = _newton_step(search, _forces(model, contacts, found), slopes)
-    return Round(state(loaded, q, u, a), found, loads, ahead, left)
+    return model._replace(links=links, gravity=Vector(ZERO, ZERO))
 
 
 def _contacts(model: Model, rates: Sequence[Real]) -> list[list[Contact]]:
@@ -474,19 +544,24 @@ def _caused_loads(
     inner, outer, couples = ([ZERO] * len(links) for _ in range(3))
     for contact, size in zip(contacts, sizes, strict=True):
         for j, lever in contact.levers.items():
-            row = inner if len(contact.levers) > 1 else outer
-            if links[j].slides and contact.joint != links[j].name:
+            is_in_pin_of_slider = links[j].slides and contact.joint != links[j].name
+            if is_in_pin_of_slider:
                 row = couples
+            elif len(contact.levers) > 1:  # between two moving links
+                row = inner
+            else:
+                row = outer
             row[j] = row[j] + lever * (share * size)
     return FoundLoad(tuple(inner), tuple(outer), tuple(couples))
 
 
-def _forces(model: Model, contacts: Sequence[Contact], found: tuple[Any, ...]) -> list[Vector]:
+def _forces(model: Model, contacts: Sequence[Contact], found: JointForces) -> list[Vector]:
     """Returns the force, N, in the joint of each contact."""
-    pins, guides, *_ = found
-    names = [*(pin.name for pin in model.pins), *(x.name for x in model.links if x.slides)]
-    forces = [*pins, *(Vector(guide, ZERO) for guide in guides)]
-    return [forces[names.index(contact.joint)] for contact in contacts]
+    force_in = {pin.name: force for pin, force in zip(model.pins, found.pins, strict=True)}
+    sliding = [link.name for link in model.links if link.slides]
+    for name, normal_force in zip(sliding, found.guides, strict=True):
+        force_in.setdefault(name, Vector(normal_force, ZERO))
+    return [force_in[contact.joint] for contact in contacts]
 
 
 def _newton_step(
@@ -503,13 +578,11 @@ def _newton_step(
         The iteration after the step, and `Round.left`.
     """
     sizes = [sqrt(dot(force, force)) for force in forces]
-    matrix = [
-        [
-            (1.0 if k == m else ZERO) - dot(forces[k], row[k]) / where(sizes[k] > 0, sizes[k], 1.0)
-            for m, row in enumerate(slopes)
-        ]
-        for k in range(len(forces))
-    ]
+    matrix = []
+    for k, (force, size) in enumerate(zip(forces, sizes, strict=True)):
+        divisor = where(size > 0, size, 1.0)
+        growths = [dot(force, slope[k]) / divisor for slope in slopes]  # of s_k with each s_m
+        matrix.append([(1.0 if k == m else ZERO) - x for m, x in enumerate(growths)])
     lacking = [found - size for found, size in zip(sizes, search.sizes, strict=True)]
     if len(matrix) > _CRAMER:
         whole, steps = _eliminated(matrix, lacking)
@@ -538,13 +611,13 @@ def _eliminated(
         whole = whole * row[i]
         pivot = where(row[i] > _SINGULAR, row[i], 1.0)
         row[i:] = [x / pivot for x in row[i:]]
-        for other in rows[i + 1 :]:
-            other[i:] = [x - other[i] * y for x, y in zip(other[i:], row[i:], strict=True)]
-    found: list[Real] = []
-    for i, row in reversed(list(enumerate(rows))):
-        known = total(x * y for x, y in zip(row[i + 1 : -1], found, strict=True))
-        found.insert(0, row[-1] - known)
-    return where(whole < least, whole, least), tuple(found)
+        for below in rows[i + 1 :]:
+            below[i:] = [x - below[i] * y for x, y in zip(below[i:], row[i:], strict=True)]
+    solution: list[Real] = []  # from the last unknown to the first
+    for i, (*row, side) in reversed(list(enumerate(rows))):
+        known = total(x * y for x, y in zip(row[i + 1 :], reversed(solution), strict=True))
+        solution.append(side - known)
+    return where(whole < least, whole, least), tuple(reversed(solution))
 
 
 def _next_round(
@@ -560,25 +633,27 @@ def _next_round(
     """
     share, change = search.share, _largest([abs(step) for step in steps])
     shrinks = change < 0.5 * search.change
-    close = change <= where(shrinks, _CHANGE, _ROUNDING) * largest
+    is_close = change <= where(shrinks, _CHANGE, _ROUNDING) * largest
     grown = share - search.solved
     further = share + 2.0 * grown
     moved = tuple(map(operator.add, search.sizes, steps))
     is_part = share < 1
 
-    # What follows if the forces have converged at this share, approach, or do not approach: a
-    # larger share or the end, another round, or a smaller share or a lock.
+    # Converged at this share: go on with a larger share, or end.
+    sizes = tuple(where(is_part, *pair) for pair in zip(moved, search.sizes, strict=True))
     converged = (
         Search(
             share=where(further < 1, further, 1.0),
             solved=share,
             change=where(is_part, math.inf, search.change),
-            sizes=tuple(where(is_part, *pair) for pair in zip(moved, search.sizes, strict=True)),
+            sizes=sizes,
             known=moved,
         ),
         where(is_part, 1.0, 0.0),
     )
+    # The changes shrink: another round at the same share.
     approaching = search._replace(change=change, sizes=moved), 1.0
+    # They do not: back to a smaller share or, if the step is too small, a lock.
     failed = (
         Search(
             share=share - 0.5 * grown,
@@ -590,14 +665,15 @@ def _next_round(
         where(grown > _STEP, 1.0, -1.0),
     )
 
-    def chosen(if_converged: Any, if_approaching: Any, if_failed: Any) -> Any:
+    def selected(if_converged: Any, if_approaching: Any, if_failed: Any) -> Any:
+        """Selects each number of nested tuples by what has happened."""
         if isinstance(if_failed, tuple):
-            return tuple(map(chosen, if_converged, if_approaching, if_failed))
-        found = where(close, if_converged, where(shrinks, if_approaching, if_failed))
-        return where(whole > _SINGULAR, found, if_failed)
+            return tuple(map(selected, if_converged, if_approaching, if_failed))
+        if_regular = where(is_close, if_converged, where(shrinks, if_approaching, if_failed))
+        return where(whole > _SINGULAR, if_regular, if_failed)
 
-    ahead, left = chosen(converged, approaching, failed)
-    return Search(*ahead), left
+    next_search, left = selected(converged, approaching, failed)
+    return Search(*next_search), left
 
 
 def _largest(values: Sequence[Real]) -> Real:

@@ -80,10 +80,17 @@ def directions(
         -root / (2 first second).
     """
     moment, scale = (first - second) * (first + second), 0.5 / square
-    part, rest = scale * (square + moment) / first, scale * (square - moment) / second
-    turn_first, turn_second = scale * root / first, scale * root / second
-    other = Vector(apart.x * rest + apart.y * turn_second, apart.y * rest - apart.x * turn_second)
-    return turned(apart, part, turn_first), other
+    # Cosine and sine of the angle from `apart` to the first link and, clockwise, to the second,
+    # divided by the length of `apart`.
+    cos_first, cos_second = (
+        scale * (square + moment) / first,
+        scale * (square - moment) / second,
+    )
+    sin_first, sin_second = scale * root / first, scale * root / second
+    second_direction = Vector(
+        apart.x * cos_second + apart.y * sin_second, apart.y * cos_second - apart.x * sin_second
+    )
+    return turned(apart, cos_first, sin_first), second_direction
 
 
 def bends(
@@ -106,10 +113,12 @@ def bends(
     Returns:
         The values for both links.
     """
-    (b, c), (over_b, over_c), (own, other) = lengths, over, squares
+    (b, c), (over_b, over_c) = lengths, over
+    phi_phi, psi_psi = squares
+    along_second, along_first = ends
     return (
-        -over_b * (ends[0] + b * cosine * own + c * other),
-        over_c * (ends[1] + b * own + c * cosine * other),
+        -over_b * (along_second + b * cosine * phi_phi + c * psi_psi),
+        over_c * (along_first + b * phi_phi + c * cosine * psi_psi),
     )
 
 
@@ -225,17 +234,17 @@ class Reach(NamedTuple):
         raise UnreachableError(self._refusal(purpose), crank_angle=crank, arcs=self.arcs)
 
     def _refusal(self, purpose: str, cures: str = '') -> str:
-        arcs = ' and '.join(
-            f'{start:.9g} to {end:.9g} m'
-            if self.slides
-            else f'{start:.6g} to {end:.6g} rad = {math.degrees(start):.6g} to '
-            f'{math.degrees(end):.6g} deg'
-            for start, end in self.arcs
-        )
+        arcs = ' and '.join(self._arc_words(*arc) for arc in self.arcs)
         return (
             f'{self.subject} of this {self.grashof} linkage cannot {purpose}: '
             f'{"; ".join(self.limits)}{cures}; it reaches {arcs}'
         )
+
+    def _arc_words(self, start: float, end: float) -> str:
+        if self.slides:
+            return f'{start:.9g} to {end:.9g} m'
+        degrees = f'{math.degrees(start):.6g} to {math.degrees(end):.6g} deg'
+        return f'{start:.6g} to {end:.6g} rad = {degrees}'
 
     def arc_around(self, place: float) -> Arc:
         """Returns the arc that contains a place of the driven joint; if none does, the nearest.
@@ -246,21 +255,13 @@ class Reach(NamedTuple):
         Returns:
             The arc; that of a crank in the turn where the angle is.
         """
-        turns = range(max(1, self.period_turns))
-        period = math.inf if self.slides else math.tau * len(turns)
-        shifts = [math.tau * i for i in turns]
-
-        def distance(arc: Arc) -> float:
-            low, high = arc
-            apart = math.remainder(place - 0.5 * (low + high), period)
-            return max(0.0, abs(apart) - 0.5 * (high - low))
-
-        low, high = min(
-            ((low + shift, high + shift) for shift in shifts for low, high in self.arcs),
-            key=distance,
-        )
         if self.slides:
-            return low, high
+            return min(self.arcs, key=lambda arc: _distance_to_arc(place, arc, math.inf))
+        turns = range(max(1, self.period_turns))
+        period = math.tau * len(turns)
+        shifts = [math.tau * i for i in turns]
+        arcs = [(low + shift, high + shift) for shift in shifts for low, high in self.arcs]
+        low, high = min(arcs, key=lambda arc: _distance_to_arc(place, arc, period))
         shift = period * round((place - 0.5 * (low + high)) / period)
         return low + shift, high + shift
 
@@ -277,15 +278,25 @@ class Reach(NamedTuple):
         """
         turns = self.period_turns
         even = _even_angles(turns, steps_per_turn)
-        step = math.pi / steps_per_turn
-        if self.width > 20 * step:
+        half_step = math.pi / steps_per_turn
+        if self.width > 20 * half_step:
             return even
-        decades = math.log10(step * 40 / self.width) + 2
-        fine = np.geomspace(self.width * 0.01, step * 40, math.ceil(decades * _PER_DECADE))
-        around = np.concatenate([-fine[::-1], [0.0], fine])
+        # Geometric steps on both sides of each region with fast motion.
+        nearest, farthest = self.width * 0.01, half_step * 40
+        decades = math.log10(farthest / self.width) + 2
+        distances = np.geomspace(nearest, farthest, math.ceil(decades * _PER_DECADE))
+        around = np.concatenate([-distances[::-1], [0.0], distances])
         centers = [self.fast % math.pi + math.pi * i for i in range(-1, 2 * turns + 1)]
         angles = np.concatenate([even, *(center + around for center in centers)])
-        return np.asarray(np.unique(angles[(angles >= 0) & (angles <= even[-1])]))
+        is_within = (angles >= 0) & (angles <= even[-1])
+        return np.asarray(np.unique(angles[is_within]))
+
+
+def _distance_to_arc(place: float, arc: Arc, period: float) -> float:
+    """Returns how far a place is outside an arc that repeats after a period; 0 inside."""
+    low, high = arc
+    from_middle = math.remainder(place - 0.5 * (low + high), period)
+    return max(0.0, abs(from_middle) - 0.5 * (high - low))
 
 
 @functools.lru_cache(maxsize=16)
@@ -373,10 +384,10 @@ class State(NamedTuple):
         if not all(isinstance(row, tuple) for row in self[:3]):  # not from a solver
             return f'State{tuple(self)!r}'
         names = map(str, self.links or range(len(self.position)))
-        motions = zip(*(map(_digits, row) for row in self[:3]), strict=False)
+        columns = [map(_digits, row) for row in self[:3]]
         rows = [
             ('', *LinkMotion._fields),
-            *((name, *motion) for name, motion in zip(names, motions, strict=False)),
+            *zip(names, *columns, strict=False),
             ('torque', _digits(self.torque), '', ''),
         ]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]

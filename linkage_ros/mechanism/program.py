@@ -45,9 +45,9 @@ class Constants:
         self._given = tree
         self.numbers: list[Any] = []
         structure: list[Any] = []
-        waiting = [tree]
-        while waiting:
-            part = waiting.pop()
+        to_visit = [tree]  # the next part is the last; the parts of tuples are added in reverse
+        while to_visit:
+            part = to_visit.pop()
             kind = type(part)
             if kind is float:
                 structure.append(float if part else ZERO)
@@ -55,17 +55,17 @@ class Constants:
                     self.numbers.append(part)
             elif kind is complex:
                 structure.append(complex)
-                waiting += part.imag, part.real
+                to_visit += part.imag, part.real
             elif kind in _BRANCHING:
                 structure += kind, part  # True and 1 are different
             elif isinstance(part, tuple):
                 structure += kind, len(part)
-                waiting += part[::-1]
+                to_visit += part[::-1]
             elif isinstance(part, Opaque):
                 structure.append(Opaque)
                 self.numbers.append(part.function)
             elif type(plain := _plain(part)) is not kind:
-                waiting.append(plain)
+                to_visit.append(plain)
             elif part.__hash__ is None:
                 raise ConfigurationError(
                     f'{shown(part)} is a constant of a formula, such as a value in a load: must '
@@ -180,18 +180,31 @@ class Program:
         """Evaluates the formula on floats and arrays that broadcast to a shape; see `__call__`."""
         size = math.prod(shape)
         if size == 1 and not is_noisy():
-            tree = self.floats(*[x if type(x) is float else x.item() for x in rows])
-            values = self.tape.flat(tree) if self._traced else leaves(tree)
-            return self._shaped(tree, [np.array(x, ndmin=len(shape)) for x in values])
-        if len(shape) != 1 or any(type(x) is not float and x.shape != shape for x in rows):
+            return self._single(rows, len(shape))
+        is_flat = len(shape) == 1 and all(type(x) is float or x.shape == shape for x in rows)
+        if not is_flat:
             rows = [x if type(x) is float else np.broadcast_to(x, shape).ravel() for x in rows]
         if self._by_math and not self._traced and size:
-            columns = ([x] * size if isinstance(x, float) else x.tolist() for x in rows)
-            trees = [self.floats(*row) for row in zip(*columns, strict=True)]
-            tree, found = trees[0], np.array([leaves(each) for each in trees]).T
+            tree, values = self._by_element(rows, size)
         else:
-            tree, found = self._blocks(rows, size)
-        return self._shaped(tree, found.reshape(len(found), *shape))
+            tree, values = self._blocks(rows, size)
+        return self._shaped(tree, values.reshape(len(values), *shape))
+
+    def _single(self, rows: Sequence[Real], dimensions: int) -> Any:
+        """Evaluates the formula on floats and arrays of one element, as floats."""
+        tree = self.floats(*[x if type(x) is float else x.item() for x in rows])
+        values = self.tape.flat(tree) if self._traced else leaves(tree)
+        return self._shaped(tree, [np.array(x, ndmin=dimensions) for x in values])
+
+    def _by_element(self, rows: Sequence[Real], size: int) -> tuple[Any, Array]:
+        """Evaluates the untraced formula for each element of arrays of shape (size,).
+
+        Returns:
+            The result for the first element, and all values, shape (leaves, size).
+        """
+        columns = ([x] * size if isinstance(x, float) else x.tolist() for x in rows)
+        trees = [self.floats(*row) for row in zip(*columns, strict=True)]
+        return trees[0], np.array([leaves(each) for each in trees]).T
 
     def _shaped(self, tree: Any, values: Iterable[Array]) -> Any:
         """Returns a result with the structure of a tree and other values."""
@@ -213,16 +226,16 @@ class Program:
         # By default, glibc returns large freed blocks to the system and faults them in again page
         # by page. Freeing this larger, untouched block raises that threshold.
         np.empty(3_000_000)
-        found, tree = np.empty((0, size)), None
         run = self._bound() if self._traced else self.untraced
+        tree, values = None, np.empty((0, size))
         for start in range(0, max(size, 1), _CHUNK):
-            part = slice(start, start + _CHUNK)
-            given = (x if isinstance(x, float) else x[part] for x in rows)
+            block = slice(start, start + _CHUNK)
+            arguments = (x if isinstance(x, float) else x[block] for x in rows)
             with np.errstate(over='ignore', invalid='ignore', under='ignore'):
-                tree = run(*given)
-            values = leaves(tree)
-            if not len(found):
-                found = np.empty((len(values), size))
-            for row, value in zip(found, values, strict=True):
-                row[part] = value
-        return tree, found
+                tree = run(*arguments)
+            of_block = leaves(tree)
+            if not len(values):  # the first block tells the number of values
+                values = np.empty((len(of_block), size))
+            for row, value in zip(values, of_block, strict=True):
+                row[block] = value
+        return tree, values

@@ -36,14 +36,14 @@ class Ranges:
         self._valid = dict[str, Range]()
         self._one_way = dict[str, Range]()
         for load in mechanism.loads:
-            if found := load.valid_range(mechanism):
-                self._valid[load.label] = found
-            if found := load.one_way(mechanism):
-                self._one_way[load.label] = found
-        self._way = 0.0  # of the crank
-        self._found: dict[str, tuple[float, float]] = {}
-        self._reversed = False
-        self._said: set[str] = set()
+            if valid := load.valid_range(mechanism):
+                self._valid[load.label] = valid
+            if one_way := load.one_way(mechanism):
+                self._one_way[load.label] = one_way
+        self._last_sign = 0.0  # of the crank's rate, where it was not 0
+        self._has_reversed = False
+        self._outside = dict[str, tuple[float, float]]()  # lowest and highest position seen
+        self._noted: set[str] = set()
 
     def require_valves(self, reversals: Iterable[float]) -> None:
         """Checks that the crank reverses at ends of the stroke only, if a gas has valves.
@@ -69,34 +69,33 @@ class Ranges:
     def see(self, state: State) -> None:
         """Compares a state, or an array of states, with the curves and valves."""
         if self._one_way:
-            ways = np.sign(np.append(self._way, state.velocity[0]))
-            ways = ways[ways != 0]
-            if np.any(ways != ways[:1]):
-                self._reversed = True
-            self._way = float(ways[-1]) if len(ways) else 0.0
-        for label, (link, low, high, middle) in self._valid.items():
-            place = continuous(state.position[link], middle)
-            room = _ROUNDING * (high - low)
-            if np.all((low - room <= place) & (place <= high + room)):
+            signs = np.sign(np.append(self._last_sign, state.velocity[0]))
+            signs = signs[signs != 0]
+            if np.any(signs != signs[:1]):
+                self._has_reversed = True
+            self._last_sign = float(signs[-1]) if len(signs) else 0.0
+        for label, valid in self._valid.items():
+            position = continuous(state.position[valid.link], valid.middle)
+            lowest, highest = float(np.min(position)), float(np.max(position))
+            room = _ROUNDING * (valid.high - valid.low)
+            if valid.low - room <= lowest and highest <= valid.high + room:
                 continue
-            before = self._found.get(label, (math.inf, -math.inf))
-            self._found[label] = (
-                min(before[0], float(np.min(place))), max(before[1], float(np.max(place)))
-            )  # fmt: skip
+            before = self._outside.get(label, (math.inf, -math.inf))
+            self._outside[label] = min(before[0], lowest), max(before[1], highest)
 
     def notes(self) -> list[str]:
         """Returns a line for each load that is not valid for the motion, once."""
         lines = []
-        if self._reversed:
+        if self._has_reversed:
             lines += [
                 f'{label}: the crank has reversed; inside the stroke, the valves would not '
                 'switch at once, so that the pressure there is wrong; keep the crank turning'
                 for label in self._one_way
             ]
-            self._one_way, self._reversed = {}, False
-        for label, (low, high) in list(self._found.items()):  # another thread may add to it
-            if label not in self._said:
-                self._said.add(label)
+            self._one_way, self._has_reversed = {}, False
+        for label, (low, high) in list(self._outside.items()):  # another thread may add to it
+            if label not in self._noted:
+                self._noted.add(label)
                 lines.append(self._note_of_curve(label, low, high))
         return lines
 

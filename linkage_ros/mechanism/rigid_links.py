@@ -3,7 +3,7 @@
 """Moving links in the form that simulators require, for the URDF."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.structure import Link, mouth
@@ -56,31 +56,50 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
         The links, in which a small value replaces a mass or inertia of 0.
     """
     structure = mechanism.structure()
-    joints, opening, (_, last) = structure.links, mouth(structure), structure.closures[0]
+    barrel_mouth, (_, last_of_loop) = mouth(structure).real, structure.closures[0]
     parts = mechanism.parts()
-    bodies = [parts[joint.name] for joint in joints]
+    bodies = [parts[joint.name] for joint in structure.links]
     width = min(body.length for body in bodies if hasattr(body, 'length')) / 20
     least_mass = max(_SMALL * (math.fsum(body.mass for body in bodies) or 1.0), _LEAST)
     links = []
-    for layer, (joint, body) in enumerate(zip(joints, bodies, strict=True)):
-        turns, mass = not joint.is_guided, body.mass or least_mass
-        length, height = getattr(body, 'length', opening.real if layer <= last else 0.0), width
-        is_block = not length
-        if is_block:
-            length, height = (6 * width, 4 * width)
-        behind = -1 if joint.slides else 1  # a rod is between its pin and the mouth of its barrel
-        # A slider on the frame does not turn, so its inertia does not change the motion.
-        box = least_mass * length**2 if turns else mass * math.hypot(length, height) ** 2
-        inertia = (turns and body.inertia) or max(box / 12, _LEAST)
-        words = ('mass', 'inertia') if turns else ('mass',)
-        zeros = [word for word in words if getattr(body, word) == 0]
-        note = f' {" and ".join(zeros)} 0 in the parameters; simulators refuse 0, so small here '
+    for layer, (joint, body) in enumerate(zip(structure.links, bodies, strict=True)):
+        default_length = barrel_mouth if layer <= last_of_loop else 0.0
+        length = getattr(body, 'length', default_length)
+        box, center = (length, width, width), 0.5 * length
+        if not length:  # a block at its pin
+            box, center = (6 * width, 4 * width, width), 0.0
+        elif joint.slides:  # a rod is between its pin and the mouth of its barrel
+            center = -center
+        mass = body.mass or least_mass
         links.append(
             RigidLink(
-                joint, f'{joint_prefix}{joint.name}', mass, inertia,
-                body.center if turns else (0.0, 0.0), note if zeros else '',
-                (length, height, width),
-                (0.0 if is_block else behind * length / 2, 0.0, layer * width),
+                joint,
+                f'{joint_prefix}{joint.name}',
+                mass,
+                _inertia(joint, body, mass, least_mass, box),
+                center=(0.0, 0.0) if joint.is_guided else body.center,
+                note=_note_of_zeros(joint, body),
+                box=box,
+                place=(center, 0.0, layer * width),
             )
-        )  # fmt: skip
+        )
     return links
+
+
+def _inertia(
+    joint: Link, body: Any, mass: float, least_mass: float, box: tuple[float, float, float]
+) -> float:
+    """Returns the inertia of a link, or a small value in its place, kg m^2."""
+    length, height, _ = box
+    if joint.is_guided:  # it does not turn, so its inertia does not change the motion
+        return max(mass * math.hypot(length, height) ** 2 / 12, _LEAST)
+    return body.inertia or max(least_mass * length**2 / 12, _LEAST)
+
+
+def _note_of_zeros(joint: Link, body: Any) -> str:
+    """Returns the comment of a link whose mass or inertia is 0; see `RigidLink`."""
+    words = ('mass',) if joint.is_guided else ('mass', 'inertia')
+    zeros = [word for word in words if getattr(body, word) == 0]
+    if not zeros:
+        return ''
+    return f' {" and ".join(zeros)} 0 in the parameters; simulators refuse 0, so small here '

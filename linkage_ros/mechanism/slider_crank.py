@@ -96,28 +96,29 @@ class SliderCrankLoop(NamedTuple):
         (angle,) = q
         r, b, guide = self.crank, self.coupler, self.guide
         halves = self.transmission.half_angles(angle)
-        S, C, sin_m, cos_m, *_ = halves
-        # Half of sin mu, and cos mu.
-        sine, cosine = sin_m * cos_m, (cos_m - sin_m) * (cos_m + sin_m)
+        sin_h, cos_h, sin_m, cos_m, *_ = halves
+        half_sin_mu, cos_mu = sin_m * cos_m, (cos_m - sin_m) * (cos_m + sin_m)
         two_b = 2 * self.side * b
-        x = guide.x * two_b * sine - guide.y * b * cosine
-        y = guide.x * b * cosine + guide.y * two_b * sine
+        # b e^(i beta) in the axes of base_link.
+        x = guide.x * two_b * half_sin_mu - guide.y * b * cos_mu
+        y = guide.x * b * cos_mu + guide.y * two_b * half_sin_mu
         # In the guide's axes: r e^(i alpha) and b e^(i beta).
-        crank = Vector(2 * r * (S * C), r * ((S - C) * (S + C)))
-        coupler = Vector(two_b * sine, b * cosine)
-        first, second = self.transmission.slopes(halves)
-        turn, bend = -self.side * first, -self.side * second
-        slope = -(crank.y + coupler.y * turn)
-        curvature = -(crank.x + coupler.x * (turn * turn) + coupler.y * bend)
+        crank = Vector(2 * r * (sin_h * cos_h), r * ((sin_h - cos_h) * (sin_h + cos_h)))
+        coupler = Vector(two_b * half_sin_mu, b * cos_mu)
+        # First and second derivatives of beta, and of the slider's position.
+        mu_1, mu_2 = self.transmission.slopes(halves)
+        beta_1, beta_2 = -self.side * mu_1, -self.side * mu_2
+        slide_1 = -(crank.y + coupler.y * beta_1)
+        slide_2 = -(crank.x + coupler.x * (beta_1 * beta_1) + coupler.y * beta_2)
         along, across = guide.x / r, guide.y / r
         over_b = 1 / b
         return Pose(
             (
                 LinkPose(angle, turned(crank, along, across), (1.0,), (ZERO,)),
-                LinkPose(atan2(y, x), Vector(over_b * x, over_b * y), (turn,), (bend,)),
-                LinkPose(crank.x + coupler.x, guide, (slope,), (curvature,)),
+                LinkPose(atan2(y, x), Vector(over_b * x, over_b * y), (beta_1,), (beta_2,)),
+                LinkPose(crank.x + coupler.x, guide, (slide_1,), (slide_2,)),
             ),
-            (2 * self.side * sine,),
+            (2 * self.side * half_sin_mu,),
         )
 
 
@@ -148,33 +149,57 @@ class BySlider(NamedTuple):
     refuse: Opaque
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
-        """Computes the pose at a position of the slider, m."""
+        """Computes the pose at a position of the slider, m.
+
+        h is half the angle from coupler to crank, and x_1 and x_2 are derivatives of x with
+        respect to the position.
+        """
         (slide,) = q
-        (r, b), e, side, least = self.lengths, self.offset, self.side, self.triangle.least
-        fold, stretch = self.triangle.roots(slide, self.refuse)
-        cosine, sine = fold / self.growth, side * stretch / self.growth
-        # h' and h''.
-        slope = 1.0 if least is ZERO else slide / fold
-        change = slope * slide / (stretch * stretch)
+        side, least = self.side, self.triangle.least
+        scaled_cos, scaled_sin = self.triangle.roots(slide, self.refuse)
+        cos_h, sin_h = scaled_cos / self.growth, side * scaled_sin / self.growth
+        ratio = 1.0 if least is ZERO else slide / scaled_cos
+        change = ratio * slide / (scaled_sin * scaled_sin)
         if least is not ZERO:
-            change = change - least / (fold * fold * fold)
-        turn, bend = -side * slope / stretch, -side * change / stretch
-        near, far = self.ground
-        if near is ZERO and least is ZERO:  # A0 and B can meet
-            half_way, slopes, bends = Vector(1.0, ZERO), (turn, -turn), (bend, -bend)
-        else:
-            over = 1.0 / (slide * slide + e * e)
-            half_way = turned(Vector(slide, e), far * cosine, -near * sine) * over
-            square, other = cosine * cosine, sine * sine
-            one, two = 2 * b * (far * square - near * other), 2 * r * (far * square + near * other)
-            slopes = (one * turn - e) * over, (-two * turn - e) * over
-            both = slide * (slopes[0] + slopes[1])
-            bends = (one * bend - both) * over, (-two * bend - both) * over
+            change = change - least / (scaled_cos * scaled_cos * scaled_cos)
+        h_1, h_2 = -side * ratio / scaled_sin, -side * change / scaled_sin
+        half_way, alphas, betas = self._directions(slide, (cos_h, sin_h), (h_1, h_2))
         links = []
-        for across, rate, second in zip((sine, -sine), slopes, bends, strict=True):
-            way = turned(turned(half_way, cosine, across), self.guide.x, self.guide.y)
-            links.append(LinkPose(atan2(way.y, way.x), way, (rate,), (second,)))
-        return Pose((*links, LinkPose(slide, self.guide, (1.0,), (ZERO,))), (-2 * sine * cosine,))
+        for sine, (first, second) in ((sin_h, alphas), (-sin_h, betas)):
+            direction = turned(turned(half_way, cos_h, sine), self.guide.x, self.guide.y)
+            position = atan2(direction.y, direction.x)
+            links.append(LinkPose(position, direction, (first,), (second,)))
+        links.append(LinkPose(slide, self.guide, (1.0,), (ZERO,)))
+        return Pose(tuple(links), (-2 * sin_h * cos_h,))
+
+    def _directions(
+        self, slide: Real, half: tuple[Real, Real], slopes: tuple[Real, Real]
+    ) -> tuple[Vector, tuple[Real, Real], tuple[Real, Real]]:
+        """Computes the mean direction of crank and coupler, and the slopes of both directions.
+
+        Args:
+            slide: Position of the slider, m.
+            half: Cosine and sine of h.
+            slopes: h' and h''.
+
+        Returns:
+            e^(i (alpha + beta)/2) in the guide's axes; alpha' and alpha''; beta' and beta''.
+        """
+        (r, b), e, (cos_h, sin_h), (h_1, h_2) = self.lengths, self.offset, half, slopes
+        diff_rb, sum_rb = self.ground
+        if diff_rb is ZERO and self.triangle.least is ZERO:  # A0 and B can meet
+            return Vector(1.0, ZERO), (h_1, h_2), (-h_1, -h_2)
+        over_square = 1.0 / (slide * slide + e * e)
+        half_way = turned(Vector(slide, e), sum_rb * cos_h, -diff_rb * sin_h) * over_square
+        cos_squared, sin_squared = cos_h * cos_h, sin_h * sin_h
+        of_crank = 2 * b * (sum_rb * cos_squared - diff_rb * sin_squared)
+        of_coupler = 2 * r * (sum_rb * cos_squared + diff_rb * sin_squared)
+        alpha_1 = (of_crank * h_1 - e) * over_square
+        beta_1 = (-of_coupler * h_1 - e) * over_square
+        e_2 = slide * (alpha_1 + beta_1)  # in the place of e in the second derivatives
+        alpha_2 = (of_crank * h_2 - e_2) * over_square
+        beta_2 = (-of_coupler * h_2 - e_2) * over_square
+        return half_way, (alpha_1, alpha_2), (beta_1, beta_2)
 
 
 @dataclass(frozen=True, repr=False)
@@ -286,11 +311,16 @@ class SliderCrank(SlideDriven):
         side = 1 if description.assembly == OPEN else -1
         if description.coordinates == (CRANK,):
             return SliderCrankLoop(self._transmission(), side, guide, r, b, e)
-        ground = short_sum(self._longest(), r, -b) or ZERO, exact_sum(r, b)
         return BySlider(
-            side, guide, (r, b), ground, e, 2 * math.sqrt(r * b), self._triangle(),
-            Opaque(lambda x: self.reach_of_slide().refuse(x)),
-        )  # fmt: skip
+            side,
+            guide,
+            lengths=(r, b),
+            ground=(short_sum(self._longest(), r, -b) or ZERO, exact_sum(r, b)),
+            offset=e,
+            growth=2 * math.sqrt(r * b),
+            triangle=self._triangle(),
+            refuse=Opaque(lambda x: self.reach_of_slide().refuse(x)),
+        )
 
     def _triangle(self) -> Triangle:
         r, b, e = self._lengths()
@@ -315,13 +345,19 @@ class SliderCrank(SlideDriven):
                 f'{what}: this {self.grashof} linkage has no stroke with fixed ends, because its '
                 'crank does not turn fully with one reversal at each end; lengthen the coupler'
             )
-        (r, b, e), side = self._lengths(), 1 if self.assembly == OPEN else -1
-        found = []
-        for length, turn in ((b + r, 0.0), (b - r, math.pi)):
-            at = side * math.sqrt((length - e) * (length + e))
-            found.append((at, math.atan2(e, at) + self.frame.angle + turn))
-        far, near = found
-        return Stroke(far, near)
+        r, b, _ = self._lengths()
+        return Stroke(far=self._end(b + r, 0.0), near=self._end(b - r, math.pi))
+
+    def _end(self, length: float, turn: float) -> tuple[float, float]:
+        """Returns an end of the stroke, m, and the crank angle there, rad.
+
+        Args:
+            length: Distance of the slider from the crank pivot, m.
+            turn: Angle from the line between them to the crank, rad.
+        """
+        side, e = 1 if self.assembly == OPEN else -1, self.slider.offset
+        position = side * math.sqrt((length - e) * (length + e))
+        return position, math.atan2(e, position) + self.frame.angle + turn
 
     def reach_of_slide(self) -> Reach:
         """See `SlideDriven`."""

@@ -9,6 +9,7 @@ binds it to the numbers of its mechanism.
 """
 
 import functools
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, NoReturn, Protocol, cast, overload
@@ -24,20 +25,20 @@ from linkage_ros.mechanism.dyad_reach import reach_of
 from linkage_ros.mechanism.equations import DyadSine, Environment, Model
 from linkage_ros.mechanism.joint_forces import (
     GuideForce,
+    JointForces,
     Reactions,
     Round,
     joint_load_round,
     reactions,
     search_names,
 )
-from linkage_ros.mechanism.kinematics import PointMotion, Reach, State
-from linkage_ros.mechanism.loads.base import Load
+from linkage_ros.mechanism.kinematics import PointMotion, Reach, Rows, State
 from linkage_ros.mechanism.loads.force import PointForce
 from linkage_ros.mechanism.loads.spring import Spring, SpringMotion
 from linkage_ros.mechanism.nested import leaves, rebuilt
 from linkage_ros.mechanism.period import period_turns
 from linkage_ros.mechanism.program import Constants, Program
-from linkage_ros.mechanism.structure import Point
+from linkage_ros.mechanism.structure import Link, Point, Structure
 from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.mechanism.wrenches import FRAME, Exerted, ExertedForce, Wrench, place, poses
 from linkage_ros.numeric import Numbers, Real, real_numbers, require_finite, single_numbers
@@ -138,39 +139,23 @@ class Solver:
             MechanismError: The argument is not a mechanism.
             ConfigurationError: A load does not fit the mechanism.
         """
-        inner = getattr(mechanism, 'mechanism', None)
-        if inner is not None:
-            mechanism = inner() if callable(inner) else inner
-        if not isinstance(mechanism, Mechanism):
-            raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
-        self.mechanism, structure = mechanism, mechanism.structure()
+        self.mechanism = _mechanism_of(mechanism)
         self._traced, self._by_math, self.pivot = traced, by_math, pivot
-        self.description = description or mechanism.description
+        self.description = description or self.mechanism.description
         self.coordinates = self.description.coordinates
-        if self.coordinates != mechanism.coordinates:
-            structure = structure._replace(
-                dyads=structure.other_dyads, other_dyads=structure.dyads
-            )
-        self.structure = structure
-        slides = {link.name: link.slides for link in structure.links}
-        self.links = tuple(slides)
+        self.structure = structure = self._structure_in_coordinates()
+        self.links = tuple(link.name for link in structure.links)
         self.output = self.links[structure.output_index]
         self._moving = structure.indices_of(self.coordinates)
         self._count = len(self._moving)
-        moving = [self.links[j] for j in self._moving]
-        self.names: dict[str, Any] = {
-            'q': tuple(f'{x}_{"position" if slides[x] else "angle"}' for x in moving),
-            'u': tuple(f'{x}_speed' for x in moving),
-            'a': tuple(f'{x}_acceleration' for x in moving),
-            'torque': 'torque',
-        }
+        self.names = _argument_names([structure.links[j] for j in self._moving])
         self.model = Model.of(
-            mechanism,
+            self.mechanism,
             structure,
-            mechanism.chain(self.description),
+            self.mechanism.chain(self.description),
             pivot,
             **self._refusals(),
-            refuse_forces=Opaque(functools.partial(_refuse_angle, mechanism, _IN_LINE)),
+            refuse_forces=Opaque(functools.partial(_refuse_angle, self.mechanism, _IN_LINE)),
             massless=Opaque(_refuse_massless),
         )
         if self.model.joint_loads:
@@ -179,6 +164,13 @@ class Solver:
         self._open_models: dict[tuple[Any, ...], _OpenModel] = {}
         # Whether floats can be passed to the programs as they are.
         self._takes_floats = len(self.coordinates) == 1 and not self.model.joint_loads
+
+    def _structure_in_coordinates(self) -> Structure:
+        """Returns the structure with the dyads of the chosen coordinates."""
+        structure = self.mechanism.structure()
+        if self.coordinates == self.mechanism.coordinates:
+            return structure
+        return structure._replace(dyads=structure.other_dyads, other_dyads=structure.dyads)
 
     def __repr__(self) -> str:
         return f'Solver({self.mechanism!r})'
@@ -347,20 +339,22 @@ class Solver:
                 that the rates are infinite.
             ConfigurationError: A value is not a finite number, or the torque overflows.
         """
-        if (
-            under is OWN_CONDITIONS
-            and self._takes_floats
-            and type(q) is type(u) is type(a) is float
-        ):
+        are_floats = type(q) is type(u) is type(a) is float
+        if are_floats and self._takes_floats and under is OWN_CONDITIONS:  # the fastest way
             rows = self._accelerated.floats(q, u, a) if a else self._steady.floats(q, u)
-        elif self.model.joint_loads:
-            rows = self._settle(q, u, a, under).rows
-        elif type(a) is float and not a and not under:
-            rows = self._steady(*self._row('q', q), *self._row('u', u))
         else:
-            rows = self._run(equations.state, under, q=q, u=u, a=a)
+            rows = self._state_rows(q, u, a, under)
         positions, velocities, accelerations, torque = rows
         return State(positions, velocities, accelerations, torque, under, self.links)
+
+    def _state_rows(self, q: Any, u: Any, a: Any, under: Conditions) -> Rows:
+        """Computes the rows of a `State` from arguments of any kind; see `state`."""
+        if self.model.joint_loads:
+            return self._settle(q, u, a, under).rows
+        is_steady = type(a) is float and not a
+        if is_steady and not under:
+            return cast('Rows', self._steady(*self._row('q', q), *self._row('u', u)))
+        return cast('Rows', self._run(equations.state, under, q=q, u=u, a=a))
 
     def torque(
         self,
@@ -445,10 +439,11 @@ class Solver:
         """
         if not under and (single := self._single(q, u, torque)):
             found = self._forward.floats(*single)
-            return found if type(q) is tuple else found[0]
-        self._refuse_friction()
-        found = self._run(equations.forward, under, q=q, u=u, torque=torque)
-        return found if len(self.coordinates) > 1 or isinstance(q, tuple) else found[0]
+        else:
+            self._refuse_friction()
+            found = self._run(equations.forward, under, q=q, u=u, torque=torque)
+        is_tuple = len(self.coordinates) > 1 or isinstance(q, tuple)
+        return found if is_tuple else found[0]
 
     def driven_state(
         self,
@@ -626,19 +621,19 @@ class Solver:
                 f'joint forces of a {type(self.mechanism).__name__} are not supported'
             )
         q, u, a = self._motion(state)
+        forces: JointForces
         if self.model.joint_loads:
-            values = self._settle(q, u, a, state.conditions).reactions
+            forces = self._settle(q, u, a, state.conditions).reactions
         else:
-            values = self._run(reactions, state.conditions, q=q, u=u, a=a)
-        in_pins, in_guides, shaking_force, shaking_moment, torque, moments = values
+            forces = self._run(reactions, state.conditions, q=q, u=u, a=a)
         sliding = [link.name for link in self.structure.links if link.slides]
-        guides = map(GuideForce, in_guides, moments)
+        guides = map(GuideForce, forces.guides, forces.moments)
         return Reactions(
-            dict(zip(pins, in_pins, strict=True)),
+            dict(zip(pins, forces.pins, strict=True)),
             dict(zip(sliding, guides, strict=True)),
-            shaking_force,
-            shaking_moment,
-            torque,
+            forces.shaking_force,
+            forces.shaking_moment,
+            forces.torque,
         )
 
     def load_forces(self, state: State) -> dict[str, Real]:
@@ -657,13 +652,12 @@ class Solver:
         Raises:
             ConfigurationError: The argument is not a state of this mechanism, or as for `state`.
         """
-        bodies, found = self.structure.links, dict[str, Real]()
+        bodies, forces = self.structure.links, dict[str, Real]()
         links = poses(bodies, self._rows(state)[0])
-        for wrenches in self.wrenches(state).values():
-            for wrench in wrenches:
-                for j, force in wrench.generalised(bodies, links):
-                    found[self.links[j]] = found.get(self.links[j], ZERO) + force
-        return {name: number(force) for name, force in found.items()}
+        for wrench in itertools.chain.from_iterable(self.wrenches(state).values()):
+            for j, force in wrench.generalised(bodies, links):
+                forces[self.links[j]] = forces.get(self.links[j], ZERO) + force
+        return {name: number(force) for name, force in forces.items()}
 
     def wrenches(self, state: State) -> dict[str, list[Wrench]]:
         """Computes the forces and couples of loads and friction on all bodies.
@@ -684,18 +678,19 @@ class Solver:
         under, model = state.conditions, self._constants.tree
         if under:
             model = self._open_model(under).within(under.values)
-        # A turning frame adds a load of its own after these.
-        loads: list[tuple[str, Load]] = [
-            *zip(self.mechanism.link_loads(), model.loads, strict=False)
-        ]
+        links = poses(self.structure.links, position)
+        # A turning frame adds a load of its own after those on links.
+        wrenches = {
+            name: list(load.wrenches(links, velocity))
+            for name, load in zip(self.mechanism.link_loads(), model.loads, strict=False)
+        }
         if self.model.joint_loads:
             q, u, a = self._motion(state)
             caused = self._settle(q, u, a, under).loads
-            loads += zip(self.mechanism.joint_loads(), caused, strict=True)
-        links, found = poses(self.structure.links, position), dict[str, list[Wrench]]()
-        for name, load in loads:  # a load may be on links and in joints
-            found.setdefault(name, []).extend(load.wrenches(links, velocity))
-        return found
+            for name, load in zip(self.mechanism.joint_loads(), caused, strict=True):
+                # A load may be both on links and in joints.
+                wrenches.setdefault(name, []).extend(load.wrenches(links, velocity))
+        return wrenches
 
     def exerted(self, state: State) -> Exerted:
         """Sums the wrenches of loads and friction on each link where they act.
@@ -714,7 +709,7 @@ class Solver:
         Raises:
             ConfigurationError: As for `wrenches`.
         """
-        bodies, found = self.structure.links, Exerted({}, {})
+        bodies, exerted = self.structure.links, Exerted({}, {})
         links = poses(bodies, self._rows(state)[0])
         for load, wrenches in self.wrenches(state).items():
             for wrench in wrenches:
@@ -724,14 +719,12 @@ class Solver:
                 if not bodies[wrench.body].slides:
                     effort = effort + wrench.couple
                 if effort is not ZERO:
-                    found.efforts[link] = found.efforts.get(link, 0.0) + effort
+                    exerted.efforts[link] = exerted.efforts.get(link, 0.0) + effort
                 if wrench.point is not None:
-                    force, at = (
-                        Vector(number(x), number(y))
-                        for x, y in (wrench.force, place(wrench.point, links))
-                    )
-                    _add_force(found.forces, ExertedForce(load, link, force, at))
-        return found
+                    force = Vector(*map(number, wrench.force))
+                    at = Vector(*map(number, place(wrench.point, links)))
+                    _add_force(exerted.forces, ExertedForce(load, link, force, at))
+        return exerted
 
     def alignment(self, q: Sequence[float]) -> tuple[float, str]:
         """Measures how close a dyad is to being in line, where the motion may end.
@@ -747,13 +740,15 @@ class Solver:
         dyads, links = self.structure.dyads, self.structure.links
         if not dyads:
             return 1.0, ''
+        at_rest = [0.0] * len(q)
         try:
-            sines = [met.sine for met in self.dyad_sines((*q, *(0.0 for _ in q)))]
+            sines = [dyad.sine for dyad in self.dyad_sines((*q, *at_rest))]
         except UnreachableError:
             sines = [0.0] * len(dyads)
-        sine, dyad = min(zip(sines, dyads, strict=False))
-        first, second = (links[j] for j in dyad)
-        if second.slides and second.parent == dyad[0]:
+        # The sines of other coordinates' dyads, after these, are not used.
+        sine, (i, j) = min(zip(sines, dyads, strict=False))
+        first, second = links[i], links[j]
+        if second.slides and second.parent == i:
             return sine, f'the {second.name} is at 0 m in the {first.name}'
         if second.slides:
             return sine, f'the {first.name} is perpendicular to the guide'
@@ -786,29 +781,32 @@ class Solver:
             UnreachableError: Friction locks the mechanism.
         """
         program = self.program(joint_load_round, *_ROUND, under=under)
-        motion = (*self._row('q', q), *self._row('u', u), *self._row('a', a))
-        # Arguments of the program: the motion, the fields of a `Search`, and the conditions.
-        start, end = len(motion), len(program.names) - len(under.values)
+        row = (*self._row('q', q), *self._row('u', u), *self._row('a', a))
+        # The program takes the motion, the numbers of a `Search`, and those of the conditions.
+        start, end = len(row), len(program.names) - len(under.values)
         names = program.names[:start] + program.names[end:]
-        given, shape = real_numbers(names, [*motion, *under.values])
+        given, shape = real_numbers(names, [*row, *under.values])
+        motion, conditions = given[:start], given[start:]
         share, solved, change = 1.0, 0.0, math.inf
-        search: list[Real] = [share, solved, change, *[0.0] * (end - start - 3)]
+        forces = [0.0] * (end - start - 3)
+        search: list[Real] = [share, solved, change, *forces]
         if shape is not None:  # arrays from the start, so that all rounds use one program
             search = [np.full(shape, value) for value in search]
         for _ in range(_ROUNDS):
-            found = cast('Round', program(*given[:start], *search, *given[start:]))
-            if not np.any(found.left) or np.any(np.less(found.left, 0)):
+            outcome = cast('Round', program(*motion, *search, *conditions))
+            is_locked = np.any(np.less(outcome.left, 0))
+            if is_locked or not np.any(outcome.left):
                 break
-            search = leaves(found.search)
-        crank, locked = np.broadcast_arrays(given[0], np.not_equal(found.left, 0))
-        if locked.any():
+            search = leaves(outcome.search)
+        crank, is_unsettled = np.broadcast_arrays(motion[0], np.not_equal(outcome.left, 0))
+        if is_unsettled.any():
             _refuse_angle(
                 self.mechanism,
                 'friction locks the mechanism: no joint forces are in equilibrium; lower the '
                 'coefficients or the pin radius',
-                crank[locked].item(0),
+                crank[is_unsettled].item(0),
             )
-        return found
+        return outcome
 
     def _single(self, q: Any, u: Any, other: Any) -> Sequence[float]:
         """Returns the values as floats if a program accepts them directly, otherwise ()."""
@@ -824,18 +822,19 @@ class Solver:
             ConfigurationError: The number of values is wrong.
         """
         count = 1 if letter == 'torque' else self._count
-        if type(row) is not tuple:
-            if count == 1:
-                return (row,)
-        elif len(row) == count:
-            return row
-        if letter != 'q' and type(row) is float and not row:
-            return (row,) * count  # the default: at rest
-        found = row if isinstance(row, (tuple, list)) or np.ndim(row) else ()
-        if len(found) != count:
+        if type(row) is tuple:
+            if len(row) == count:
+                return row
+        elif count == 1:
+            return (row,)
+        is_zero = type(row) is float and not row
+        if is_zero and letter != 'q':  # the default: at rest
+            return (row,) * count
+        values = row if isinstance(row, (tuple, list)) or np.ndim(row) else ()
+        if len(values) != count:
             words = ', '.join(self.names[letter]).replace('_', ' ') + ',' * (count == 1)
             raise ConfigurationError(f'{letter} = {shown(row)}: must be a tuple ({words})')
-        return tuple(found)
+        return tuple(values)
 
     def _rows(self, state: State) -> tuple[tuple[Real, ...], ...]:
         """Returns the positions, velocities and accelerations of all links.
@@ -843,12 +842,13 @@ class Solver:
         Raises:
             ConfigurationError: The argument is not a state of this mechanism.
         """
-        rows, count = state[:3] if isinstance(state, State) else (), len(self.links)
-        if not rows or any(type(row) is not tuple or len(row) != count for row in rows):
-            raise ConfigurationError(
-                f'state = {shown(state)}: must be a State of this mechanism, from its solver'
-            )
-        return rows
+        if isinstance(state, State):
+            rows, count = state[:3], len(self.links)
+            if all(type(row) is tuple and len(row) == count for row in rows):
+                return rows
+        raise ConfigurationError(
+            f'state = {shown(state)}: must be a State of this mechanism, from its solver'
+        )
 
     def _motion(self, state: State) -> tuple[tuple[Real, ...], ...]:
         """Returns the coordinates, rates and accelerations of a state."""
@@ -867,17 +867,42 @@ class Solver:
             )
 
 
-def _add_force(found: dict[str, ExertedForce], new: ExertedForce) -> None:
+def _mechanism_of(given: Any) -> Mechanism:
+    """Returns a mechanism, or that of an object that has one.
+
+    Raises:
+        MechanismError: The argument is neither.
+    """
+    mechanism = given
+    inner = getattr(given, 'mechanism', None)
+    if inner is not None:
+        mechanism = inner() if callable(inner) else inner
+    if not isinstance(mechanism, Mechanism):
+        raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
+    return mechanism
+
+
+def _argument_names(moving: Sequence[Link]) -> dict[str, Any]:
+    """Returns the names of a formula's arguments; see `Solver.names`."""
+    return {
+        'q': tuple(f'{x.name}_{"position" if x.slides else "angle"}' for x in moving),
+        'u': tuple(f'{x.name}_speed' for x in moving),
+        'a': tuple(f'{x.name}_acceleration' for x in moving),
+        'torque': 'torque',
+    }
+
+
+def _add_force(forces: dict[str, ExertedForce], new: ExertedForce) -> None:
     """Adds a force to that at the same point of the link, or under a name of its own."""
-    name, count = f'{new.load} on {new.link}', 1
-    while name in found:
-        old = found[name]
+    for count in itertools.count(1):
+        name = f'{new.load} on {new.link}{f" {count}" * (count > 1)}'
+        if name not in forces:
+            forces[name] = new
+            return
+        old = forces[name]
         if all(map(np.array_equal, old.at, new.at)):  # the same point has the same bits
-            new = new._replace(force=old.force + new.force)
-            break
-        count += 1
-        name = f'{new.load} on {new.link} {count}'
-    found[name] = new
+            forces[name] = new._replace(force=old.force + new.force)
+            return
 
 
 def _refuse_angle(mechanism: Mechanism, reason: str, crank: float, *_: float) -> NoReturn:

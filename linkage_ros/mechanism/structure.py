@@ -301,15 +301,18 @@ class Structure(NamedTuple):
         """Returns the structure with the links, points and pins of a dyad."""
         i, j = len(self.links), len(self.links) + 1  # of the two links
         wide = self._for_two_more_links()
-        build = _barrel_and_rod
-        if dyad.barrel is None:
-            build = _two_links if dyad.slider is None else _link_and_slider
-        new = build(wide, dyad, i, j)
-        points, *joined = zip(*new.joints, strict=True)
-        pins = (Pin(*pin) for pin in zip(dyad.pins, *joined, strict=True))
+        if dyad.barrel is not None:
+            new = _barrel_and_rod(wide, dyad, i, j)
+        elif dyad.slider is not None:
+            new = _link_and_slider(wide, dyad, i, j)
+        else:
+            new = _two_links(wide, dyad, i, j)
+        joints = dict(zip(dyad.pins, new.joints, strict=True))
+        points = {name: point for name, (point, _, _) in joints.items()}
+        pins = [Pin(name, first, second) for name, (_, first, second) in joints.items()]
         return wide._replace(
             links=(*wide.links, *new.links),
-            points=wide.points | dict(zip(dyad.pins, points, strict=True)),
+            points=wide.points | points,
             pins=(*wide.pins, *pins) if wide.pins else (),
             dyads=(*wide.dyads, (i, j)),
             other_dyads=(*wide.other_dyads, (i, j)) if wide.other_dyads else (),
@@ -393,10 +396,11 @@ class Structure(NamedTuple):
         spin, guide = (None, None) if link == FRAME else axes_of(self.links, link)
         arm = point.minus(self.point_of(link, (0.0, 0.0)))
         terms = [*arm.weights, arm.fixed]
-        on_body = complex(terms.pop(-1 if spin is None else spin))
-        if any(terms):
+        place = complex(terms.pop(-1 if spin is None else spin))
+        is_on_body = not any(terms)  # no other direction moves it
+        if not is_on_body:
             return None
-        return on_body if guide is None else on_body * direction(-guide)
+        return place if guide is None else place * direction(-guide)
 
     def turned_with(self, link: int, pin: Point, at: tuple[float, float]) -> Point:
         """Returns the point [along, across] from a pin, m, in the axes of a link that slides."""
@@ -477,19 +481,19 @@ class Structure(NamedTuple):
 
     def loop_residual(self, state: State) -> float:
         """Computes the largest closure error of loop and dyads, m, at a state of floats."""
-        found = []
-        for closure, j in self.closures:
-            last = self.links[j]
-            reached: complex = closure.fixed + sum(
-                weight * direction(angle)
-                for weight, angle in zip(closure.weights, state.position, strict=False)
-                if weight
-            )
-            if last.slides:
-                slid = last.origin + state.position[j] * direction(last.angle)
-                reached -= slid * self._axis(last.parent, state)
-            found.append(abs(reached))
-        return max(found)
+        return max(self._closure_error(closure, j, state) for closure, j in self.closures)
+
+    def _closure_error(self, closure: Point, j: int, state: State) -> float:
+        """Computes the closure error, m, of a loop or dyad whose last link is j."""
+        terms = zip(closure.weights, state.position, strict=False)
+        error: complex = closure.fixed + sum(
+            weight * direction(angle) for weight, angle in terms if weight
+        )
+        last = self.links[j]
+        if last.slides:
+            pin = last.origin + state.position[j] * direction(last.angle)
+            error -= pin * self._axis(last.parent, state)
+        return abs(error)
 
     def _axis(self, j: int | None, state: State) -> Any:
         """Returns the direction of the x axis of a link, or of base_link, as e^(i angle)."""
@@ -516,26 +520,39 @@ def _link_and_slider(wide: Structure, dyad: Any, i: int, j: int) -> _New:
     (name, other), (start, guide), slider = dyad.parts, wide.ends(dyad), dyad.slider
     first = Link.carried(name, dyad.first, i, start)
     joint = start.point.along(i, dyad.first.length)
+    joints = ((start.point, start.carrier, i), (joint, i, j))
     last = Link(
-        other, slider.mass, slider.inertia or 0.0, joint, guide.carrier, guide.at, slider.angle,
+        other,
+        slider.mass,
+        slider.inertia or 0.0,
+        center=joint,
+        parent=guide.carrier,
+        origin=guide.at,
+        angle=slider.angle,
         slides=True,
-    )  # fmt: skip
-    closure = joint
-    if guide.carrier is not None:
-        links = (*wide.links, first, last)
-        center = wide._replace(links=links).turned_with(j, joint, slider.center or (0.0, 0.0))
-        last = last._replace(center=center, pin=joint)
-        closure = joint.minus(wide.point_of(guide.carrier, (0.0, 0.0)))
-    return _New((first, last), ((start.point, start.carrier, i), (joint, i, j)), closure)
+    )
+    if guide.carrier is None:
+        return _New((first, last), joints, closure=joint)
+    with_slider = wide._replace(links=(*wide.links, first, last))
+    center = with_slider.turned_with(j, joint, slider.center or (0.0, 0.0))
+    last = last._replace(center=center, pin=joint)
+    closure = joint.minus(wide.point_of(guide.carrier, (0.0, 0.0)))
+    return _New((first, last), joints, closure)
 
 
 def _barrel_and_rod(wide: Structure, dyad: Any, i: int, j: int) -> _New:
     (name, other), (start, end), rod = dyad.parts, wide.ends(dyad), dyad.rod
     barrel = Link.carried(name, dyad.barrel, i, end)
     last = Link(
-        other, rod.mass, rod.inertia, start.point.along(i, *rod.center), i, 1j * dyad.offset,
-        slides=True, pin=start.point,
-    )  # fmt: skip
+        other,
+        rod.mass,
+        rod.inertia,
+        center=start.point.along(i, *rod.center),
+        parent=i,
+        origin=1j * dyad.offset,
+        slides=True,
+        pin=start.point,
+    )
     return _New(
         (barrel, last),
         ((start.point, start.carrier, j), (end.point, end.carrier, i)),

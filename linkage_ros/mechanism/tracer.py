@@ -16,13 +16,13 @@ import linecache
 import math
 import weakref
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 from linkage_ros import formulas
 from linkage_ros.formulas import ZERO, Opaque
 from linkage_ros.mechanism.elementwise import SCALAR, by_element, noisy
-from linkage_ros.mechanism.nested import leaves, names, places, transformed
+from linkage_ros.mechanism.nested import leaves, names, places, rebuilt, transformed
 from linkage_ros.numeric import Real
 
 # An argument of a formula: the name of a scalar, or the names of the elements of a tuple.
@@ -138,19 +138,22 @@ class Tape:
         """
         self.title, self.lines = formula.__name__, list[Line]()
         self._known: dict[Line, int] = {}
-        named = zip(leaves(constants), leaves(names(constants, 'k')), strict=True)
-        numbers = float, Opaque
-        given = iter(
-            [
-                self._add(Line('constant', text=name)) if isinstance(value, numbers) else value
-                for value, name in named
-            ]
-        )
-        result = formula(
-            transformed(lambda _: next(given), constants),
-            *(transformed(lambda name: self._add(Line('input', text=name)), x) for x in arguments),
-        )
+        recorded_constants = self._recorded_constants(constants)
+        recorded_arguments = [transformed(self._input, names) for names in arguments]
+        result = formula(recorded_constants, *recorded_arguments)
         self.result = transformed(formulas.number, result)
+
+    def _input(self, name: str) -> Symbol:
+        return self._add(Line('input', text=name))
+
+    def _recorded_constants(self, constants: Any) -> Any:
+        """Replaces the numbers and functions among constants by symbols."""
+        named = zip(leaves(constants), leaves(names(constants, 'k')), strict=True)
+        recorded = [
+            self._add(Line('constant', text=name)) if isinstance(x, (float, Opaque)) else x
+            for x, name in named
+        ]
+        return rebuilt(constants, iter(recorded))
 
     def _add(self, line: Line) -> Symbol:
         if line not in self._known:
@@ -168,19 +171,33 @@ class Tape:
         Returns:
             The symbolic result of the operation.
         """
-        known = [
+        symbols = [
             x if isinstance(x, Symbol) else self._add(Line('literal', text=repr(float(x))))
             for x in operands
         ]
-        lines = [self.lines[x.line] for x in known]
-        for i in {'+': (1, 0), '-': (1,)}.get(operation, ()):
-            if lines[i].operation == 'neg':  # a + -b equals a - b, and a - -b equals a + b
+        simpler = self._simpler(operation, symbols)
+        if simpler is not None:
+            return simpler
+        return self._add(Line(operation, tuple(x.line for x in symbols)))
+
+    def _simpler(self, operation: str, operands: Sequence[Symbol]) -> Symbol | None:
+        """Returns the result of an operation by an identity; None if there is none.
+
+        The identities hold for every double: a + -b is a - b, a - -b is a + b, and a * 1 and a / 1
+        are a.
+        """
+        if operation not in {'+', '-', '*', '/'}:
+            return None
+        a, b = operands
+        pairs = [(a, b), (b, a)] if operation in {'+', '*'} else [(a, b)]
+        for first, second in pairs:
+            line = self.lines[second.line]
+            if operation in {'+', '-'} and line.operation == 'neg':
                 sign = '-' if operation == '+' else '+'
-                return self.record(sign, known[1 - i], Symbol(self, *lines[i].operands))
-        for i in {'*': (1, 0), '/': (1,)}.get(operation, ()):
-            if lines[i] == ('literal', (), '1.0'):  # x * 1 and x / 1 are x, for every double
-                return known[1 - i]
-        return self._add(Line(operation, tuple(x.line for x in known)))
+                return self.record(sign, first, Symbol(self, *line.operands))
+            if operation in {'*', '/'} and line == ('literal', (), '1.0'):
+                return first
+        return None
 
     def without_implied(self, values: Iterable[Real]) -> list[Symbol]:
         """Removes values whose finiteness is implied by that of another value.
@@ -195,12 +212,13 @@ class Tape:
             The symbols that remain to be checked for finiteness.
         """
         symbols = [x for x in values if isinstance(x, Symbol)]
-        implied, reached = set[int](), [x.line for x in symbols]
-        for i in reached:  # the list grows during the loop
-            line = self.lines[i]
-            passed = {*line.operands[: _PASSED_ON.get(line.operation, 0)]} - implied
-            implied |= passed
-            reached += passed
+        implied, to_visit = set[int](), [x.line for x in symbols]
+        while to_visit:
+            line = self.lines[to_visit.pop()]
+            finite_operands = line.operands[: _PASSED_ON.get(line.operation, 0)]
+            new = {*finite_operands} - implied
+            implied |= new
+            to_visit += new
         return [x for x in symbols if x.line not in implied]
 
     @functools.cached_property
@@ -244,39 +262,35 @@ class Tape:
         last_use = {x: i for i in self._live for x in lines[i].operands}
         last_use |= dict.fromkeys(results, len(lines))
         free_names = (name for n in itertools.count(1) if (name := f't{n}') not in taken)
-        words = dict[int, str]()  # name or expression of each line
+        texts = dict[int, str]()  # name or expression of each line
         before, within = list[str](), list[str]()
         for i in self._live:
             operation, operands, text = lines[i]
             if text:  # a constant, an argument or a literal
-                words[i] = text
+                texts[i] = text
                 continue
-            read = [words[x] for x in operands]
+            read = [texts[x] for x in operands]
             # Guards stay in order, so that the same error is raised as by the formula.
             is_inner = i in self._inner or operation == 'require'
             if operation == 'require':
-                condition, *refusal = read
-                refuse, *arguments = refusal
-                called = f'{refuse}({", ".join(arguments)})'
-                statement = guard.format(condition, ', '.join(refusal), called)
+                statement = _guard_statement(guard, *read)
             else:
                 expression = _expression(operation, read, for_arrays=for_arrays)
                 is_short = uses[i] == 1 and len(expression) < _LONG
                 if is_inner and is_short and not for_arrays:
-                    words[i] = expression  # written where it is used
+                    texts[i] = expression  # written where it is used
                     continue
-                words[i] = name = next(free_names)
+                texts[i] = name = next(free_names)
                 is_number = operation not in (*_COMPARISONS, 'call')
                 statement = f'{name} = {term.format(expression) if is_number else expression}'
-            unused = [words[x] for x in sorted({*operands} & self._inner) if last_use[x] == i]
-            end = f'; del {", ".join(unused)}' if for_arrays and unused else ''
-            (within if is_inner else before).append(statement + end)
-        constants, inputs = (
-            [line.text for line in lines if line.operation == kind]
-            for kind in ('constant', 'input')
-        )
+            if for_arrays:
+                last_used = [x for x in sorted({*operands} & self._inner) if last_use[x] == i]
+                statement += _deletion([texts[x] for x in last_used])
+            (within if is_inner else before).append(statement)
+        constants = [line.text for line in lines if line.operation == 'constant']
+        inputs = [line.text for line in lines if line.operation == 'input']
         result = transformed(
-            lambda x: words[x.line] if isinstance(x, Symbol) else repr(x), self.result
+            lambda x: texts[x.line] if isinstance(x, Symbol) else repr(x), self.result
         )
         return Source(constants, before, inputs, within, result)
 
@@ -338,6 +352,17 @@ class Tape:
         bind: Callable[..., Any] = space['bind']
         weakref.finalize(bind, linecache.cache.pop, path, None)
         return bind
+
+
+def _guard_statement(guard: str, condition: str, refuse: str, *arguments: str) -> str:
+    """Writes a guard; for `guard`, see `Tape.source`."""
+    call = f'{refuse}({", ".join(arguments)})'
+    return guard.format(condition, ', '.join((refuse, *arguments)), call)
+
+
+def _deletion(unused: list[str]) -> str:
+    """Writes the end of a statement after which names are unused."""
+    return f'; del {", ".join(unused)}' if unused else ''
 
 
 def _expression(operation: str, read: list[str], *, for_arrays: bool) -> str:

@@ -89,6 +89,20 @@ class Square(NamedTuple):
         return sqrt(square)
 
 
+class HalfAngles(NamedTuple):
+    """Functions of half the crank angle, h, and half the transmission angle, m.
+
+    They are accurate to an ulp even near change points. See the module for u and v.
+    """
+
+    sin_h: Real
+    cos_h: Real
+    sin_m: Real
+    cos_m: Real
+    u: Real
+    v: Real
+
+
 class Transmission(NamedTuple):
     """The constants of the map from crank angle to transmission angle.
 
@@ -109,25 +123,21 @@ class Transmission(NamedTuple):
     sin_squared: Square
     refuse: Opaque
 
-    def half_angles(self, crank: Real) -> tuple[Real, ...]:
-        """Computes sines and cosines of half the crank angle (h) and transmission angle (m).
+    def half_angles(self, crank: Real) -> HalfAngles:
+        """Computes sines and cosines of half the crank angle and transmission angle.
 
         Args:
             crank: Crank angle, rad.
-
-        Returns:
-            sin h, cos h, sin m, cos m, u and v. They are accurate to an ulp even near change
-            points, because the rounding error of crank - reference is compensated.
         """
         sin_h, cos_h = half_angle(crank, self.reference)
-        x, y = self.kappa * sin_h, self.kappa * cos_h
-        cos_m = self.cos_squared.root(y, x, self.refuse, crank)
-        sin_m = self.sin_squared.root(x, y, self.refuse, crank)
-        u = 1.0 if self.cos_squared.least is ZERO else y / cos_m
-        v = 1.0 if self.sin_squared.least is ZERO else x / sin_m
-        return sin_h, cos_h, sin_m, cos_m, u, v
+        kappa_sin, kappa_cos = self.kappa * sin_h, self.kappa * cos_h
+        cos_m = self.cos_squared.root(kappa_cos, kappa_sin, self.refuse, crank)
+        sin_m = self.sin_squared.root(kappa_sin, kappa_cos, self.refuse, crank)
+        u = 1.0 if self.cos_squared.least is ZERO else kappa_cos / cos_m
+        v = 1.0 if self.sin_squared.least is ZERO else kappa_sin / sin_m
+        return HalfAngles(sin_h, cos_h, sin_m, cos_m, u, v)
 
-    def slopes(self, halves: tuple[Real, ...], factor: float = 1.0) -> tuple[Real, Real]:
+    def slopes(self, halves: HalfAngles, factor: float = 1.0) -> tuple[Real, Real]:
         """Computes derivatives of the transmission angle with respect to the crank angle.
 
         Args:
@@ -212,23 +222,20 @@ class Transmission(NamedTuple):
         Returns:
             The reach.
         """
-        totals = {words: math.fsum(terms) for words, terms in sums.items()}
+        totals = {formula: math.fsum(terms) for formula, terms in sums.items()}
         longest = max(abs(length) for terms in sums.values() for length in terms)
-        rounding = {x: total for x, total in totals.items() if is_rounding(longest, total)}
+        zeros = [formula for formula, total in totals.items() if is_rounding(longest, total)]
         may_limit = [self.cos_squared.limits, *[self.sin_squared.limits] * (len(sums) - 1)]
-        limits = tuple(
-            f'{words} = {total:.6g} m is negative'
-            for (words, total), limits in zip(totals.items(), may_limit, strict=True)
-            if limits and total < 0 and words not in rounding
-        )
-        equalities = tuple(
-            f'{words} = {total:.2g} m counts as 0' for words, total in rounding.items() if total
-        )
-        near_equalities = tuple(
-            f'{words} = {total:.2g} m'
-            for words, total in totals.items()
-            if words not in rounding and abs(total) < _NEAR * longest
-        )
+        limits, equalities, near_equalities = list[str](), list[str](), list[str]()
+        for (formula, total), limits_crank in zip(totals.items(), may_limit, strict=True):
+            if formula in zeros:
+                if total:
+                    equalities.append(f'{formula} = {total:.2g} m counts as 0')
+                continue
+            if limits_crank and total < 0:
+                limits.append(f'{formula} = {total:.6g} m is negative')
+            if abs(total) < _NEAR * longest:
+                near_equalities.append(f'{formula} = {total:.2g} m')
         least_cos, least_sin = float(self.cos_squared.least), float(self.sin_squared.least)
         has_one_change_point = (least_cos == 0) != (least_sin == 0)
         # The output moves fast where h is within these widths of 0 or pi/2.
@@ -240,10 +247,10 @@ class Transmission(NamedTuple):
             arcs=self.arcs(),
             period_turns=2 if has_one_change_point else 1,
             transmission=self.extremes(),
-            limits=limits,
+            limits=tuple(limits),
             cures=tuple(cures) if limits else (),
-            equalities=equalities,
-            near_equalities=near_equalities,
+            equalities=tuple(equalities),
+            near_equalities=tuple(near_equalities),
             fast=self.reference[0],
             width=min(widths, default=math.inf),
         )
@@ -261,7 +268,8 @@ def swing_middle(
     """Computes the middle of the swing of a four-bar's rocker.
 
     The distance from the crank pivot to the rocker's end is between |coupler - crank| and
-    coupler + crank. By the law of cosines, this bounds the angle between rocker and frame.
+    coupler + crank. By the law of cosines, this bounds the angle between the rocker and the
+    direction from B0 to A0.
 
     Args:
         lengths: Lengths of crank, coupler, rocker and frame, m.
@@ -276,22 +284,22 @@ def swing_middle(
     r, b, c, d = lengths
     longest = max(lengths)
     nearest, farthest = abs(short_sum(longest, b, -r)), b + r  # distances of A0 and B
-    smallest, largest = 0.0, math.pi  # angles between the rocker and the direction from B0 to A0
+    smallest, largest = 0.0, math.pi  # of the bounded angle
     if abs(short_sum(longest, c, -d)) < nearest:
         smallest = _opposite(c, d, nearest)
     if short_sum(longest, b, r, -c, -d) < 0:
         largest = _opposite(c, d, farthest)
-    passes_frame, passes_extension = smallest == 0, largest == math.pi
-    if passes_frame and passes_extension:
+    passes_crank_pivot, passes_away_from_it = smallest == 0, largest == math.pi
+    if passes_crank_pivot and passes_away_from_it:
         return None
     middle = 0.5 * (smallest + largest)
     back: float = wrap(frame + math.pi)  # from B0 to A0
     if near is not None:
         is_about_back = abs(wrap(near - back)) <= math.pi - middle
         return back if is_about_back else float(wrap(frame))
-    if passes_frame:
+    if passes_crank_pivot:
         middle = 0.0
-    elif passes_extension:
+    elif passes_away_from_it:
         middle = math.pi
     side = wrap(rocker - back)
     return float(wrap(back + math.copysign(middle, side)))

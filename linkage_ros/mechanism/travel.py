@@ -3,7 +3,7 @@
 """Stroke or swing of the output link."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -76,27 +76,36 @@ def travel(solver: Solver) -> Travel:
     solver.reach.require_full_turn()
     reach, output = cast('Any', solver.motion_reach), _Output(solver)
     period = reach.period_turns * math.tau
-    crank = reach.samples(_STEPS)
-    crank = 0.5 * (crank[1:] + crank[:-1])
+    ends = reach.samples(_STEPS)
+    crank = 0.5 * (ends[1:] + ends[:-1])  # in the middle of each step, and a period later
     crank = np.append(crank, crank[0] + period)
     position, rate = output.path(crank)
     if not output.slides and np.ptp(position) <= _SAME:  # at rest: its rate is a rounding error
         position, rate = np.full_like(position, np.median(position)), np.zeros_like(rate)
     signs = signs_around(rate[:-1])
-    found = [*output.reversals(crank, position, signs, np.append(signs[1:], signs[0]))]
-    at = [angle for angle, _ in found]
-    extremes: tuple[float, float] | None = None
-    if not output.whole_turns(position[-1] - position[0]):
-        extremes = output.extremes(position, found)
-    ratio = None
-    if len(at) == 2:
-        way = at[1] - at[0]
-        ratio = max(way, period - way) / min(way, period - way)
-    reversals = tuple(sorted(angle % period for angle in at))
-    is_drawn = solver.mechanism.drawn is not None
+    following = np.append(signs[1:], signs[0])
+    reversals = [*output.reversals(crank, position, signs, following)]
+    angles = [angle for angle, _ in reversals]
+    turns_fully = output.whole_turns(position[-1] - position[0]) != 0
     return Travel(
-        solver.output, output.slides, extremes, reversals, reach.transmission, ratio, is_drawn
+        solver.output,
+        output.slides,
+        extremes=None if turns_fully else output.extremes(position, reversals),
+        at=tuple(sorted(angle % period for angle in angles)),
+        transmission=reach.transmission,
+        time_ratio=_time_ratio(angles, period),
+        is_drawn=solver.mechanism.drawn is not None,
     )
+
+
+def _time_ratio(reversals: Sequence[float], period: float) -> float | None:
+    """Returns the ratio of the crank rotations between two reversals; see `Travel`."""
+    if len(reversals) != 2:
+        return None
+    first, second = reversals
+    forth = second - first
+    back = period - forth
+    return max(forth, back) / min(forth, back)
 
 
 def extremes_between(solver: Solver, low: float, high: float) -> tuple[float, float]:
@@ -113,15 +122,17 @@ def extremes_between(solver: Solver, low: float, high: float) -> tuple[float, fl
     """
     reach, output = cast('Any', solver.motion_reach), _Output(solver)
     if reach.slides:
-        crank = np.linspace(low, high, _STEPS + 1)
+        driven = np.linspace(low, high, _STEPS + 1)
     else:
         period = reach.period_turns * math.tau
         shifts = period * np.arange(math.floor(low / period), math.ceil(high / period))
-        crank = np.ravel(reach.samples(_STEPS)[:-1] + shifts[:, None])
-        crank = np.array([low, *crank[(low < crank) & (crank < high)], high])
-    position, rate = output.path(crank)
+        samples = np.ravel(reach.samples(_STEPS)[:-1] + shifts[:, None])
+        inside = samples[(low < samples) & (samples < high)]
+        driven = np.array([low, *inside, high])
+    position, rate = output.path(driven)
     signs = signs_around(rate)
-    return output.extremes(position, output.reversals(crank, position, signs[:-1], signs[1:]))
+    reversals = output.reversals(driven, position, signs[:-1], signs[1:])
+    return output.extremes(position, reversals)
 
 
 class _Output:
@@ -149,20 +160,21 @@ class _Output:
         return position, rate
 
     def reversals(
-        self, crank: Array, position: Array, signs: Array, following: Array
+        self, driven: Array, position: Array, signs: Array, following: Array
     ) -> Iterator[tuple[float, float]]:
         """Yields the crank angle and the position of each reversal between two samples.
 
         Args:
-            crank: The samples of the driven joint, in increasing order.
+            driven: The samples of the driven joint, in increasing order.
             position: Positions there, from `path`.
             signs: Sign of the rate at each sample but the last.
             following: Sign of the rate at the sample that follows each of them.
         """
         for i in np.flatnonzero(signs * following < 0):
-            at, found = self._reversal(*crank[i : i + 2].tolist(), rises=signs[i] > 0)
+            low, high = driven[i : i + 2].tolist()
+            angle, place = self._reversal(low, high, rises=signs[i] > 0)
             # Each angle is shifted into the turn of the surrounding samples.
-            yield at, found + self.whole_turns(position[i] - found)
+            yield angle, place + self.whole_turns(position[i] - place)
 
     def _reversal(self, low: float, high: float, *, rises: bool) -> tuple[float, float]:
         """Finds where the rate changes its sign, by Newton's method with bisection.
@@ -170,21 +182,21 @@ class _Output:
         Returns:
             The crank angle, and the position there.
         """
-        at, size = 0.5 * (low + high), math.inf
+        at, last_size = 0.5 * (low + high), math.inf
         while True:
             position, rate, slope = self._motion(at)
             if (rate > 0) == rises:
                 low = at
             else:
                 high = at
-            middle, last = 0.5 * (low + high), size
+            middle = 0.5 * (low + high)
             step = -rate / slope if slope else math.inf
-            if not (low <= at + step <= high and 2 * abs(step) < last):
+            converges = low <= at + step <= high and 2 * abs(step) < last_size
+            if not converges:
                 step = middle - at
-            size = abs(step)
-            if size <= _LAST_STEP or not low < middle < high:
+            if abs(step) <= _LAST_STEP or not low < middle < high:
                 return at + step, position
-            at += step
+            at, last_size = at + step, abs(step)
 
     def extremes(
         self, position: Array, reversals: Iterable[tuple[float, float]]

@@ -39,11 +39,12 @@ class TurningFrame(NamedTuple):
         found = []
         for j, body in enumerate(self.bodies):
             arm = place(body.center, links) - self.pivot
-            moved = velocity(body.center, links, rates)
-            gained = arm.left() * self.change - arm * (self.rate * self.rate)
-            gained += moved.left() * (2.0 * self.rate)
+            relative = velocity(body.center, links, rates)
+            euler_and_centripetal = arm.left() * self.change - arm * (self.rate * self.rate)
+            coriolis = relative.left() * (2.0 * self.rate)
+            force = (euler_and_centripetal + coriolis) * -body.mass
             couple = -(body.inertia * self.change)
-            found.append(Wrench(j, force=gained * -body.mass, point=body.center, couple=couple))
+            found.append(Wrench(j, force=force, point=body.center, couple=couple))
         return found
 
     def potential(self, _links: Sequence[LinkPose]) -> Real:

@@ -87,6 +87,7 @@ class WindPumpLoop(NamedTuple):
         sine, cosine = sin(half), cos(half)
         ahead, d = slide >= 0, abs(slide)
         growth, total_length = 4 * r * d, b + c + d + r
+        # 4 r d sin^2(theta/2) and 4 r d cos^2(theta/2); theta is the crank angle from the slider.
         near = growth * where(ahead, sine * sine, cosine * cosine)
         far = growth * where(ahead, cosine * cosine, sine * sine)
         one, other = d - r - b + c, d - r + b - c

@@ -25,7 +25,7 @@ class Wrench(NamedTuple):
         body: Index of the link on which it acts, or FRAME.
         effort: Couple, N m, positive counter-clockwise; on a sliding link, force along its guide
             through its pin, N. A link on which it slides takes the opposite force.
-        held: Share of `effort` that the frame exerts, so that its opposite acts on the frame.
+        by_frame: Share of `effort` that the frame exerts, so that its opposite acts on the frame.
         force: Force at `point`, in the axes of base_link, N.
         point: Point of the body, a `structure.Point`; None without a force.
         couple: Couple on a sliding link, N m; the guide of a guided link takes it.
@@ -33,7 +33,7 @@ class Wrench(NamedTuple):
 
     body: int
     effort: Real = ZERO
-    held: Real = ZERO
+    by_frame: Real = ZERO
     force: Vector = Vector(ZERO, ZERO)
     point: Any = None
     couple: Real = ZERO
@@ -50,21 +50,23 @@ class Wrench(NamedTuple):
         Yields:
             Index of a link and torque on it, N m, or force along its guide, N.
         """
-        body, effort, _, force, point, couple = self
+        body = self.body
         if body == FRAME:
             return
-        if effort is not ZERO:
-            yield body, effort
-        if couple is not ZERO and (spin := spin_of(bodies, body)) is not None:
-            yield spin, couple
-        if point is None:
+        if self.effort is not ZERO:
+            yield body, self.effort
+        spin = spin_of(bodies, body)
+        if self.couple is not ZERO and spin is not None:
+            yield spin, self.couple
+        if self.point is None:
             return
         if bodies[body].is_guided:
-            yield body, dot(links[body].direction, force)
+            yield body, dot(links[body].direction, self.force)
             return
-        for j, weight in enumerate(point.weights):
+        for j, weight in enumerate(self.point.weights):
             if weight.x is not ZERO or weight.y is not ZERO:
-                yield j, cross(turned(links[j].direction, weight.x, weight.y), force)
+                arm = turned(links[j].direction, weight.x, weight.y)
+                yield j, cross(arm, self.force)
 
 
 class ExertedForce(NamedTuple):

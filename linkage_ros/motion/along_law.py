@@ -88,18 +88,15 @@ class LawMotion(Motion):
         Raises:
             MotionError: The motion ends before the stamp.
         """
-        turns, angle, rate, acceleration = self._moment(stamp)
-        if self.segment.law.slides:
-            return Coordinates(
-                (angle,), (rate,), (acceleration,), angle, conditions=self.conditions
-            )
-        pairs = turns / 2  # of whole turns
-        whole_pairs = int((turns + angle / math.tau) / 2)
-        unwrapped = with_turns(angle, pairs)
-        reduced = with_turns(angle, pairs - whole_pairs)
-        return Coordinates(
-            (reduced,), (rate,), (acceleration,), unwrapped, conditions=self.conditions
-        )
+        turns, place, rate, acceleration = self._moment(stamp)
+        q, unwrapped = place, place
+        if not self.segment.law.slides:
+            # Pairs of turns, as `with_turns` counts them, and those beyond the range of two turns.
+            pairs = turns / 2
+            whole_pairs = int((turns + place / math.tau) / 2)
+            unwrapped = with_turns(place, pairs)
+            q = with_turns(place, pairs - whole_pairs)
+        return Coordinates((q,), (rate,), (acceleration,), unwrapped, conditions=self.conditions)
 
     def at_all(self, stamps: Sequence[int]) -> Coordinates:
         """Computes the coordinates at many stamps, bit-identical to those of `at`.
@@ -154,14 +151,14 @@ class LawMotion(Motion):
         Raises:
             MotionError: This motion ends before the stamp.
         """
-        turns, angle, *rates = self._moment(stamp)
-        slides = self.segment.law.slides
-        extra = 0 if slides else nearest_turns(angle)
-        turns += extra
-        start = Moment(turns, with_turns(angle, -extra / 2), *rates)
-        near = [with_turns(angle, -turns / 2) for angle in angles]
-        law = joined(start, [time - stamp for time in stamps], near, slopes)
-        law = law._replace(slides=slides)
+        moment, slides = self._moment(stamp), self.segment.law.slides
+        # The law begins at an angle without whole turns; the segment adds these.
+        turns_of_angle = 0 if slides else nearest_turns(moment.angle)
+        turns = moment.turns + turns_of_angle
+        start = moment._replace(turns=turns, angle=with_turns(moment.angle, -turns_of_angle / 2))
+        angles_without_turns = [with_turns(angle, -turns / 2) for angle in angles]
+        times = [time - stamp for time in stamps]
+        law = joined(start, times, angles_without_turns, slopes)._replace(slides=slides)
         segment = LawSegment(stamp, law, 0, turns, gravity=self.segment.gravity)
         return LawMotion(segment, self.conditions)
 
@@ -174,8 +171,9 @@ class LawMotion(Motion):
         law = self.segment.law
         if isinstance(law, Spline) and law.turns:
             return
-        angles = [law.at(time).angle for time in law.extremes(math.inf, -math.inf)]
-        most = max(abs(angle - law.at(0).angle) for angle in angles) / math.tau
+        start = law.at(0).angle
+        extremes = [law.at(time).angle for time in law.extremes(math.inf, -math.inf)]
+        most = max(abs(angle - start) for angle in extremes) / math.tau
         if most < turns:
             raise ConfigurationError(
                 f'the crank gets at most {most:.3g} revolutions from its start, not {turns}: give '
@@ -194,11 +192,15 @@ class LawMotion(Motion):
             return self.restamp(logged.old_stamp, logged.stamp).segment
         if logged.gravity != self.segment.gravity and logged.law == self.segment.law:
             return self.under(logged.stamp, logged.conditions, None).segment
-        joint, law = self.join(logged.stamp, [logged.stamp + 1], [0.0]).segment, logged.law
-        if isinstance(law, Spline) and isinstance(joint.law, Spline):
-            (first, *others), start = law.rows, joint.law.rows[0][:3]
-            joint = replace(joint, law=law._replace(rows=((*start, *first[3:]), *others)))
-        return replace(joint, gravity=logged.gravity)
+        # A trajectory through any point begins in the same way.
+        joined_segment = self.join(logged.stamp, [logged.stamp + 1], [0.0]).segment
+        law = logged.law
+        if isinstance(law, Spline) and isinstance(joined_segment.law, Spline):
+            first, *others = law.rows
+            start = joined_segment.law.rows[0][:3]  # angle, rate and half the acceleration
+            law = law._replace(rows=((*start, *first[3:]), *others))
+            joined_segment = replace(joined_segment, law=law)
+        return replace(joined_segment, gravity=logged.gravity)
 
     def _time(self, stamp: int) -> int:
         return stamp - self.segment.stamp + self.segment.time
@@ -218,8 +220,8 @@ class LawMotion(Motion):
                 'it',
                 time=law.end / NS_PER_S, coordinates=(last.angle,),
             )  # fmt: skip
-        found, turns = law.at(time), self.segment.turns
-        return found._replace(turns=found.turns + turns) if turns else found
+        moment = law.at(time)
+        return moment._replace(turns=moment.turns + self.segment.turns)
 
 
 def require_possible(law: Law, solver: Solver) -> None:
@@ -241,16 +243,23 @@ def require_possible(law: Law, solver: Solver) -> None:
                 f'{unit}; check the times and angles'
             )
     Ranges(solver).require_valves(reversals(law))
-    reach = solver.reach
-    if reach.turns_fully:
-        return
-    begin = law.at(0).angle
-    low, high = reach.arc_around(begin)
-    if low < begin < high:
+    if not solver.reach.turns_fully:
+        _require_within_arc(law, solver)
+
+
+def _require_within_arc(law: Law, solver: Solver) -> None:
+    """Checks that a limited crank stays on the arc on which a law begins.
+
+    Raises:
+        ConfigurationError: It leaves the arc.
+    """
+    reach, start = solver.reach, law.at(0).angle
+    low, high = reach.arc_around(start)
+    if low < start < high:
         reach = reach._replace(arcs=((low, high),))
     for time in sorted(law.extremes(low, high)):
-        whole, angle, rate, acceleration = law.at(time)
-        angle += whole * math.tau
+        turns, angle, rate, acceleration = law.at(time)
+        angle += turns * math.tau
         try:
             if not low < angle < high:
                 reach.refuse(angle)
@@ -263,9 +272,9 @@ def reversals(law: Law) -> Iterator[float]:
     """Yields the angles at which the crank reverses, rad, in the law and in its repetition."""
     times = sorted({0, law.duration, *law.extremes(math.inf, -math.inf)})
     rounds = 2 if law.repeats else 1
-    way = 0.0
+    last_rate = 0.0  # the last one that was not 0
     for start, end in rounds * list(pairwise(times)):
         rate = law.at((start + end) // 2).rate
-        if rate * way < 0:
+        if rate * last_rate < 0:
             yield law.at(start).angle
-        way = rate or way
+        last_rate = rate or last_rate

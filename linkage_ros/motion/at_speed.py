@@ -214,19 +214,20 @@ class SpeedMotion(Motion):
         """Finds when the crank is first a number of turns from its start; see `Motion`."""
         start, goal = self._phase_after(0), turns * _TURN
 
-        def reached(elapsed: int) -> bool:
+        def is_reached(elapsed: int) -> bool:
             return abs(self._phase_after(elapsed) - start) >= goal
 
-        reversal = self._speed * NS_PER_S // -self._rate if self._speed * self._rate < 0 else 0
+        reverses = self._speed * self._rate < 0
+        reversal = self._speed * NS_PER_S // -self._rate if reverses else 0
         late = max(reversal, self._ramp_ns) + 1
-        while self._target and not reached(late):
+        while self._target and not is_reached(late):
             late *= 2
         # `_first` requires intervals in which the condition, once true, remains true. The distance
         # from the start grows until the reversal; its maximum is at the ns before or after it. If
         # the goal is not reached there, it is reached only after the crank has passed its start.
         for low, high in ((0, reversal), (0, reversal + 1), (reversal, late)):
-            if reached(high):
-                return _first(reached, low, high)
+            if is_reached(high):
+                return _first(is_reached, low, high)
         return TIME_END
 
     def _phase_after(self, elapsed: int) -> int:
@@ -260,7 +261,7 @@ def _segment(
     return SpeedSegment(stamp, phase, speed, rpm, acceleration, old_stamp)
 
 
-def _first(reached: Callable[[int], bool], low: int, high: int) -> int:
+def _first(is_reached: Callable[[int], bool], low: int, high: int) -> int:
     """Finds the smallest integer in [low, high] that meets a condition.
 
     The condition must also hold for all larger integers of the range. The integers may exceed
@@ -268,7 +269,10 @@ def _first(reached: Callable[[int], bool], low: int, high: int) -> int:
     """
     while low < high:
         middle = (low + high) // 2
-        low, high = (low, middle) if reached(middle) else (middle + 1, high)
+        if is_reached(middle):
+            high = middle
+        else:
+            low = middle + 1
     return low
 
 

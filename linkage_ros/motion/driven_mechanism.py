@@ -9,7 +9,7 @@ used again, possibly in the other assembly.
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -124,30 +124,35 @@ class DrivenMechanism:
         """
         if not self.is_limited:
             return self, y, math.inf
-        met, count = self.solver.dyad_sines(y), len(self.solver.structure.dyads)
-        own, others = met[:count], met[count:]
+        sines, count = self.solver.dyad_sines(y), len(self.solver.structure.dyads)
+        own, others = sines[:count], sines[count:]
         if others and (own[0].sine < _LEAVE or not self.is_own):
             better = self._better(y, own[0].sine, others[0].sine)
             if better:
                 driven, y = self.redescribed(y, better)
                 return driven.ready(y)
-        left = math.inf
-        for sine, rate in own:
-            if rate < 0:
-                left = min(left, sine / -rate)
-        return self, y, left
+        times = [dyad.sine / -dyad.rate for dyad in own if dyad.rate < 0]
+        return self, y, min(times, default=math.inf)
 
     def _better(self, y: tuple[float, ...], sine: float, other_sine: float) -> tuple[str, ...]:
-        """Selects new coordinates; empty to keep the current ones."""
+        """Selects new coordinates; empty to keep the current ones.
+
+        Args:
+            y: Coordinates, then their rates.
+            sine: Sine of the dyad in the current coordinates.
+            other_sine: That of the dyad in the other coordinates.
+        """
         mechanism = self.solver.mechanism
         is_worse = sine < _LEAVE and other_sine > 2 * sine
         if self.is_own:
             return mechanism.other_coordinates if is_worse else ()
         if is_worse or other_sine > _RETURN:
             return mechanism.coordinates
-        turning = zip(y[self.has_driven :], self.links[self.has_driven :], strict=False)
-        is_beyond = any(abs(angle) > math.pi for angle, link in turning if not link.slides)
-        return self.solver.coordinates if is_beyond else ()
+        first = 1 if self.has_driven else 0  # the turns of a driven crank are counted instead
+        undriven = zip(y[first:], self.links[first:], strict=False)
+        has_turned = any(abs(angle) > math.pi for angle, link in undriven if not link.slides)
+        # The same coordinates again, with the angles reduced to [-pi, pi].
+        return self.solver.coordinates if has_turned else ()
 
     def redescribed(
         self, y: tuple[float, ...], coordinates: tuple[str, ...]
@@ -164,28 +169,35 @@ class DrivenMechanism:
         Raises:
             LinkageError: As for `Solver.state`.
         """
-        state, links = self._state(y), self.solver.structure.links
+        state, structure = self._state(y), self.solver.structure
         positions = [
-            place if link.slides else wrap(place)
-            for place, link in zip(state.position, links, strict=True)
+            position if link.slides else wrap(position)
+            for position, link in zip(state.position, structure.links, strict=True)
         ]
         positions[self.driven] = self.position(y, 0)
-        moving = self.solver.structure.indices_of(coordinates)
-        there = (*(positions[i] for i in moving), *(state.velocity[i] for i in moving))
+        moving = structure.indices_of(coordinates)
+        new_y = (*(positions[i] for i in moving), *(state.velocity[i] for i in moving))
+        candidates = [self.described(Description(coordinates, x)) for x in (OPEN, CROSSED)]
+        nearest = min(candidates, key=lambda driven: driven.distance(new_y, positions))
         middle = self.arc_middle(y[0]) if self.has_driven else self.middle
+        return replace(nearest, middle=middle), new_y
 
-        def distance(driven: DrivenMechanism) -> float:
-            try:
-                found = driven._state(there).position
-            except LinkageError:
-                return math.inf
-            return sum(
-                abs(one - other) if link.slides else abs(math.sin(0.5 * (one - other)))
-                for one, other, link in zip(positions, found, links, strict=True)
-            )
+    def distance(self, y: tuple[float, ...], positions: Sequence[float]) -> float:
+        """Returns how far the links are from positions, rad and m; inf if the loop cannot close.
 
-        both = (self.described(Description(coordinates, way)) for way in (OPEN, CROSSED))
-        return replace(min(both, key=distance), middle=middle), there
+        Args:
+            y: Coordinates, then their rates.
+            positions: Position of each link.
+        """
+        try:
+            own_positions = self._state(y).position
+        except LinkageError:
+            return math.inf
+        links = self.solver.structure.links
+        return sum(
+            abs(one - other) if link.slides else abs(math.sin(0.5 * (one - other)))
+            for one, other, link in zip(positions, own_positions, links, strict=True)
+        )
 
     def arc_middle(self, crank: float) -> float:
         """Returns the middle of the arc on which the crank moves, rad, within pi of its angle.
@@ -237,13 +249,17 @@ class DrivenMechanism:
             self.solver, lambda speed: torque(speed) - torque(0.0), conditions=conditions
         )
         arcs = self.solver.mobility.arcs if self.solver.mobility else FULL_TURN
-        others, _ = self.solver.mechanism.start()
-        found, places = [], [i + 0.5 for i in range(_PLACES)]
-        for angle in [low + (high - low) * x / _PLACES for low, high in arcs for x in places]:
-            with suppress(LinkageError, np.linalg.LinAlgError):
-                found.append(free._eigenvalues((angle, *others)))
-        settling, swinging = [-x.real.min() for x in found], [x.imag.max() for x in found]
-        return float(median(settling or [0.0])), float(median(swinging or [0.0]))
+
+        other_coordinates, _ = self.solver.mechanism.start()
+        decays, frequencies = list[float](), list[float]()
+        for low, high in arcs:
+            for i in range(_PLACES):
+                angle = low + (high - low) * (i + 0.5) / _PLACES
+                with suppress(LinkageError, np.linalg.LinAlgError):
+                    eigenvalues = free._eigenvalues((angle, *other_coordinates))
+                    decays.append(-eigenvalues.real.min())
+                    frequencies.append(eigenvalues.imag.max())
+        return float(median(decays or [0.0])), float(median(frequencies or [0.0]))
 
     def _eigenvalues(self, q: tuple[float, ...]) -> Any:
         """Computes the eigenvalues of the motion linearised about rest, 1/s."""
@@ -254,14 +270,17 @@ class DrivenMechanism:
 
     def _is_held(self, y: tuple[float, ...], i: int) -> bool:
         """Returns whether a coordinate rests, and any motion of it would be stopped at once."""
-        place = len(y) // 2 + i
-        found = []
-        if abs(y[place]) <= _SLOW:
-            for rate in (_SLOW, -_SLOW):
-                with suppress(LinkageError):
-                    changed = self.accelerations(*y[:place], rate, *y[place + 1 :])[i]
-                    found.append(changed * rate)
-        return len(found) == 2 and max(found) < 0
+        at = len(y) // 2 + i  # of its rate in y
+        if abs(y[at]) > _SLOW:
+            return False
+        for rate in (_SLOW, -_SLOW):
+            try:
+                acceleration = self.accelerations(*y[:at], rate, *y[at + 1 :])[i]
+            except LinkageError:
+                return False
+            if acceleration * rate >= 0:
+                return False
+        return True
 
     def fail(self, time: float, y: tuple[float, ...], cause: Exception | None) -> NoReturn:
         """Reports the end of a motion that cannot continue.
@@ -274,35 +293,38 @@ class DrivenMechanism:
         Raises:
             MotionError: Always. The message states the time, the position, the cause and remedies.
         """
-        mechanism, half = self.solver.mechanism, len(y) // 2
-        (sine, words), q = self.solver.alignment(y[:half]), y[:half]
+        coordinates = self.solver.mechanism.coordinates
+        q = y[: len(y) // 2]
         with suppress(LinkageError):
-            q = self.redescribed(y, mechanism.coordinates)[1][: len(mechanism.coordinates)]
+            _, own_y = self.redescribed(y, coordinates)
+            q = own_y[: len(coordinates)]
         places = ', '.join(
-            f'{link.name} at {value:.6g} m'
-            if link.slides
-            else f'{link.name} at {rad_and_deg(value)}'
+            f'{link.name} at {f"{value:.6g} m" if link.slides else rad_and_deg(value)}'
             for value, link in zip(y, self.links, strict=False)
         )
+        message = f'the motion ends at t = {time:.6g} s, {places}: {self._end_reason(y)}'
+        raise MotionError(message, time=time, coordinates=q) from cause
+
+    def _end_reason(self, y: tuple[float, ...]) -> str:
+        """Explains why a motion cannot continue from coordinates and rates."""
+        half = len(y) // 2
+        sine, words = self.solver.alignment(y[:half])
         if sine < _NEAR and self.is_limited:
-            reason = (
+            return (
                 f'{words}, and the motion can continue in more than one way; start more slowly or '
                 'at another position, or change torque, masses or lengths'
             )
-        elif any(self._is_held(y, i) for i in range(half)):
-            reason = (
+        if any(self._is_held(y, i) for i in range(half)):
+            return (
                 'a load that reverses with the direction of motion (return_value of a curve, or '
                 'valves of a gas) holds the linkage at rest, which the equations of motion do not '
                 'describe; raise the torque, or lower the load'
             )
-        else:
-            reason = (
-                'the motion is too fast for the shortest step; lower the speed, the torque, the '
-                'commands (torque_limit) or a stiffness, add mass, or, if links are almost in '
-                'line, change a length'
-            )
-        message = f'the motion ends at t = {time:.6g} s, {places}: {reason}'
-        raise MotionError(message, time=time, coordinates=q) from cause
+        return (
+            'the motion is too fast for the shortest step; lower the speed, the torque, the '
+            'commands (torque_limit) or a stiffness, add mass, or, if links are almost in '
+            'line, change a length'
+        )
 
 
 def turns_between(angle: float, middle: float) -> Fraction:

@@ -10,7 +10,7 @@ import functools
 import json
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from itertools import chain, pairwise, zip_longest
 from typing import NamedTuple, TypeAlias
@@ -44,13 +44,14 @@ def _direction(angle: int) -> tuple[float, float]:
     Returns:
         Sine and cosine, accurate to two ulp.
     """
-    quarter = 1 << _BITS - 2
-    quarters = (angle + quarter // 2) // quarter
-    x = math.ldexp(2 * math.pi * float(angle - quarters * quarter), -_BITS)
+    quarter_turn = 1 << _BITS - 2
+    quarters = (angle + quarter_turn // 2) // quarter_turn
+    x = math.ldexp(2 * math.pi * float(angle - quarters * quarter_turn), -_BITS)
+    # Horner's method for sin(x) / x - 1 and cos(x) - 1, divided by x^2.
     square, sine, cosine = x * x, 0.0, 0.0
-    for one, other in zip(_SINES, _COSINES, strict=True):
-        sine = sine * square + one
-        cosine = cosine * square + other
+    for of_sine, of_cosine in zip(_SINES, _COSINES, strict=True):
+        sine = sine * square + of_sine
+        cosine = cosine * square + of_cosine
     sine, cosine = x + x * (square * sine), 1.0 + square * cosine
     if quarters & 1:
         sine, cosine = cosine, -sine
@@ -249,14 +250,18 @@ class Spline(NamedTuple):
     @property
     def largest(self) -> tuple[float, float, float]:
         """Upper bounds of the magnitudes of angle, rad, rate, rad/s, and acceleration, rad/s^2."""
-        found = [(abs(row[0]), 0.0, 0.0) for row in self.rows]
+        bounds = [(abs(row[0]), 0.0, 0.0) for row in self.rows]
         for row, length in self._pieces():
-            sizes, limits = [abs(factor) for factor in row], [0.0, 0.0, 0.0]
-            for i in range(3):
-                limits[i] = sum(x * length**n for n, x in enumerate(sizes))
-                sizes = [n * x for n, x in enumerate(sizes)][1:]
-            found.append((limits[0], limits[1], limits[2]))
-        angle, rate, acceleration = map(max, zip(*found, strict=True))
+            of_angle = [abs(factor) for factor in row]
+            of_rate, of_acceleration = _derivative(of_angle), _derivative(_derivative(of_angle))
+            bounds.append(
+                (
+                    _value(of_angle, length),
+                    _value(of_rate, length),
+                    _value(of_acceleration, length),
+                )
+            )
+        angle, rate, acceleration = map(max, zip(*bounds, strict=True))
         return angle, rate, acceleration
 
     def _pieces(self) -> Iterator[tuple[tuple[float, ...], float]]:
@@ -274,18 +279,28 @@ class Spline(NamedTuple):
         Returns:
             The times, ns, rounded.
         """
-        found = [*self.times]
+        times = [*self.times]
         for start, (row, length) in zip(self.times, self._pieces(), strict=False):
-            way = sum(abs(x) * length**n for n, x in enumerate(row[1:], 1))
-            if low < row[0] - way and row[0] + way < high:
+            farthest = sum(abs(x) * length**n for n, x in enumerate(row[1:], 1))
+            if low < row[0] - farthest and row[0] + farthest < high:
                 continue
-            slope = [n * factor for n, factor in enumerate(row)][:0:-1]
-            roots: list[float] = np.roots(slope).real.tolist()
-            found += [start + round(x * NS_PER_S) for x in roots if 0 < x < length]
-        return found
+            highest_first = _derivative(row)[::-1]
+            roots: list[float] = np.roots(highest_first).real.tolist()
+            times += [start + round(x * NS_PER_S) for x in roots if 0 < x < length]
+        return times
 
     def __str__(self) -> str:
         return _text(self)
+
+
+def _derivative(factors: Sequence[float]) -> list[float]:
+    """Returns the coefficients of the derivative of a polynomial, the constant first."""
+    return [n * factor for n, factor in enumerate(factors)][1:]
+
+
+def _value(factors: Sequence[float], x: float) -> float:
+    """Returns the value of a polynomial whose first coefficient is the constant."""
+    return sum(factor * x**n for n, factor in enumerate(factors))
 
 
 Law: TypeAlias = Sine | Spline
@@ -318,9 +333,12 @@ def parse_law(text: str) -> Law:
     times = tuple(map(int, fields['times']))
     rows = tuple(tuple(map(float, row)) for row in fields['rows'])
     turns = None if fields['turns'] is None else int(fields['turns'])
-    later = all(before < after for before, after in pairwise(times))
-    is_whole = turns is None or len(rows) == len(times) - 1
-    if times[0] or not later or not is_whole or not 0 <= len(times) - len(rows) <= 1:
+    begins_at_0 = not times[0]
+    increases = all(before < after for before, after in pairwise(times))
+    has_row_at_end = len(rows) == len(times)
+    has_rows = has_row_at_end or len(rows) == len(times) - 1
+    repeats_fully = turns is None or not has_row_at_end
+    if not (begins_at_0 and increases and has_rows and repeats_fully):
         raise ValueError('not a spline: its points and polynomials do not match')
     if not all(rows) or not all(map(math.isfinite, chain(*rows))):
         raise ValueError('not a spline: a polynomial is empty or not finite')

@@ -77,7 +77,7 @@ class _Filter(NamedTuple):
         return math.inf if time > self.gap else time
 
     def advanced(self, stamp: int, time: float, value: float, rate: float) -> '_Filter':
-        """Returns the filter after a new measurement.
+        """Returns the filter after a new measurement; see the module for the formulas.
 
         Args:
             stamp: Stamp of the measurement, ns.
@@ -88,11 +88,12 @@ class _Filter(NamedTuple):
         w = self.w
         if time == math.inf:
             return _Filter(w, self.gap, stamp, value, 0.0, rate if w else 0.0)
-        slope = (value - self.value) / time
-        gap = slope - self.rate
-        drift, decay = gap - w * self.error, math.exp(-w * time)
-        error = (self.error + drift * time) * decay
-        return _Filter(w, self.gap, stamp, value, error, slope - (gap + w * drift * time) * decay)
+        slope = (value - self.value) / time  # m'
+        e, d = self.error, slope - self.rate
+        drift, decay = d - w * e, math.exp(-w * time)
+        error = (e + drift * time) * decay
+        new_rate = slope - (d + w * drift * time) * decay
+        return _Filter(w, self.gap, stamp, value, error, new_rate)
 
 
 class Tracked(NamedTuple):
@@ -149,27 +150,42 @@ class FollowMotion:
         self.check(stamp, position, velocity)
         if velocity is not None and math.isnan(velocity):
             velocity = None
-        angle, speed, turns = self.tracked
-        if angle.stamp is not None and stamp <= angle.stamp:
-            angle, speed, turns = self._start
-        time = angle.elapsed(stamp)
-        fallen = self._turns_since(angle, turns, time, position) if self._period_turns else 0
-        turns += fallen
-        angle = angle.advanced(stamp, time, position + fallen * _TURN, velocity or 0.0)
-        angle = angle._replace(value=position)
-        rate, change = angle.rate, self._w2 * angle.error
+        before = self.tracked
+        if before.angle.stamp is not None and stamp <= before.angle.stamp:  # a bag is looped
+            before = self._start
+        turns, angle = self._turned(before, stamp, position, velocity)
+        speed = before.speed
         if velocity is not None:
             speed = speed.advanced(stamp, speed.elapsed(stamp), velocity, 0.0)
-            rate, change = velocity, speed.rate
         self.tracked = Tracked(angle, speed, turns)
-        if not self._w2:
-            rate = change = 0.0
+        if not self._w2:  # without a filter
+            rate = acceleration = 0.0
+        elif velocity is not None:
+            rate, acceleration = velocity, speed.rate
+        else:
+            rate, acceleration = angle.rate, self._w2 * angle.error
+        q = self._within_period(position, turns)
+        return Coordinates((q,), (rate,), (acceleration,), position)
+
+    def _turned(
+        self, before: Tracked, stamp: int, position: float, velocity: float | None
+    ) -> tuple[int, _Filter]:
+        """Returns the turns by which the crank is ahead of the sensor, and the angle's filter."""
+        filter_, turns, time = before.angle, before.turns, before.angle.elapsed(stamp)
+        turned = 0
+        if self._period_turns:
+            turned = self._turns_since(filter_, turns, time, position)
+        filter_ = filter_.advanced(stamp, time, position + turned * _TURN, velocity or 0.0)
+        return turns + turned, filter_._replace(value=position)
+
+    def _within_period(self, position: float, turns: int) -> float:
+        """Returns a position of the sensor in the period of the motion; see `Coordinates.q`."""
         if not self._period_turns:
-            return Coordinates((position,), (rate,), (change,), position)
-        reduced, _ = within_two_turns(position)
+            return position
+        q, _ = within_two_turns(position)
         if turns % self._period_turns:
-            reduced = with_turns(reduced, Fraction(-1 if reduced > 0 else 1, 2))
-        return Coordinates((reduced,), (rate,), (change,), position)
+            q = with_turns(q, Fraction(-1 if q > 0 else 1, 2))
+        return q
 
     def check(self, stamp: int, position: float, velocity: float | None = None) -> None:
         """Checks a measurement, without updating the motion.

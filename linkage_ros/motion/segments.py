@@ -168,17 +168,30 @@ def stacked(moments: Sequence[Coordinates]) -> Coordinates:
 
     Either all or none have a state or a turning frame; gravity and forces are those of the first.
     """
-    q, u, a, unwrapped, states, every = zip(*moments, strict=True)
-    conditions, state = every[0], None
+    conditions = moments[0].conditions
     if conditions.frame is not None:
-        frames = _columns([one.frame for one in every])
+        frames: Any = _columns([moment.conditions.frame for moment in moments])
         conditions = replace(conditions, frame=frames)
-    if states[0] is not None:
-        positions, velocities, accelerations, torques, _, _ = zip(*states, strict=True)
-        rows = _columns(positions), _columns(velocities), _columns(accelerations)
-        state = State(*rows, np.array(torques), conditions, states[0].links)
+    states = [moment.state for moment in moments if moment.state is not None]
     return Coordinates(
-        _columns(q), _columns(u), _columns(a), np.array(unwrapped), state, conditions
+        _columns([moment.q for moment in moments]),
+        _columns([moment.u for moment in moments]),
+        _columns([moment.a for moment in moments]),
+        np.array([moment.unwrapped for moment in moments]),
+        _stacked_states(states, conditions) if states else None,
+        conditions,
+    )
+
+
+def _stacked_states(states: Sequence[State], conditions: Conditions) -> State:
+    """Stacks states of the same links, under given conditions."""
+    return State(
+        _columns([state.position for state in states]),
+        _columns([state.velocity for state in states]),
+        _columns([state.acceleration for state in states]),
+        np.array([state.torque for state in states]),
+        conditions,
+        states[0].links,
     )
 
 

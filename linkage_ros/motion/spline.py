@@ -75,26 +75,21 @@ def interpolated(
         The law.
     """
     with localcontext(_EXACT):
-        given = [*map(Decimal, angles)]
-        turns = round((given[-1] - given[0]) / _TURN) if repeat else None
-        if turns is not None:
-            given[-1] = given[0] + turns * _TURN
-        pieces = [
-            (Decimal(end - begin) / NS_PER_S, rise)
-            for (begin, end), rise in zip(pairwise(times), _steps(given), strict=True)
-        ]
+        points = [*map(Decimal, angles)]
+        turns = None
+        if repeat:
+            turns = round((points[-1] - points[0]) / _TURN)
+            points[-1] = points[0] + turns * _TURN
+        lengths = [Decimal(end - begin) / NS_PER_S for begin, end in pairwise(times)]
+        rises = [end - begin for begin, end in pairwise(points)]
         if slopes is not None:
             at_points = [tuple(map(Decimal, each)) for each in slopes]
         else:
             zero = (0.0,) if cubic else (0.0, 0.0)
             ends = None if repeat else (start or zero, zero)
+            pieces = [*zip(lengths, rises, strict=True)]
             at_points = _smooth(pieces, len(zero), ends)
-        rows = [
-            _row(angle, length, rise, before, after)
-            for angle, (length, rise), (before, after) in zip(
-                given[:-1], pieces, pairwise(at_points), strict=True
-            )
-        ]
+        rows = [*map(_row, points, lengths, rises, at_points, at_points[1:])]
         ends_at_rest = not at_points[-1][0]
         if ends_at_rest and not repeat:
             rows.append((angles[-1],))
@@ -118,34 +113,29 @@ def joined(
     Returns:
         The law, which begins with a quintic polynomial from the moment to the first point.
     """
-    _, angle, *start = moment
+    start = moment.rate, moment.acceleration
     if slopes is None:
-        return interpolated((0, *times), (angle, *angles), start=start)
+        return interpolated((0, *times), (moment.angle, *angles), start=start)
     first = times[0]
-    rest = interpolated([time - first for time in times], angles, slopes)
-    ends = [start, (slopes[0][0], rest.at(0).acceleration)]
-    begin = interpolated((0, first), (angle, angles[0]), ends)
-    return Spline((0, *times), (*begin.rows[:1], *rest.rows))
-
-
-def _steps(values: Sequence[Decimal]) -> list[Decimal]:
-    return [after - before for before, after in pairwise(values)]
+    from_first = interpolated([time - first for time in times], angles, slopes)
+    at_first = slopes[0][0], from_first.at(0).acceleration
+    to_first = interpolated((0, first), (moment.angle, angles[0]), [start, at_first])
+    return Spline((0, *times), (*to_first.rows[:1], *from_first.rows))
 
 
 def _row(
     angle: Decimal, length: Decimal, rise: Decimal, start: _Slopes, end: _Slopes
 ) -> tuple[float, ...]:
     """Returns the coefficients of the polynomial with given rise and slopes at both ends."""
-    size = len(start)
+    count = len(start)  # of slopes at a point
     # For a length of 1, a slope is multiplied by length^order; order 1 is the rate.
-    scaled = [
-        rise,
-        *(x * length**order for side in (start, end) for order, x in enumerate(side, 1)),
-    ]
+    start_scaled = [slope * length**order for order, slope in enumerate(start, 1)]
+    end_scaled = [slope * length**order for order, slope in enumerate(end, 1)]
+    values = [rise, *start_scaled, *end_scaled]
     rate, *acceleration = start
     coefficients = [angle, rate, *(x / 2 for x in acceleration)]
-    for power, factors in enumerate(_COEFFICIENTS[size], size + 1):
-        doubled = sum(map(operator.mul, factors, scaled), Decimal())
+    for power, factors in enumerate(_COEFFICIENTS[count], count + 1):
+        doubled = sum(map(operator.mul, factors, values), Decimal())
         coefficients.append(doubled / (2 * length**power))
     return tuple(map(float, coefficients))
 

@@ -137,6 +137,7 @@ class FixedSteps:
         self.pairs += pairs
 
     def _step(self, h: float) -> None:
+        """Performs a step of length h, s, in halves if its error is too large."""
         cause = None
         self.tried += 1
         try:
@@ -145,27 +146,28 @@ class FixedSteps:
             cause, error = refusal, math.inf
         if cause is None and error <= self._tolerance:
             self.time, self.phase, self._slope = self.time + h, end, slope
-        elif h > _SHORTEST_FIXED_STEP and self.tried < self._last_trial:
-            until = self.time + h
-            self._step(h / 2)
-            left = until - self.time
-            # After days of motion, the resolution of time is coarser than the shortest steps.
-            self._step(left if abs(left - h / 2) < h / 4 else h / 2)
-        else:
+            return
+        if h <= _SHORTEST_FIXED_STEP or self.tried >= self._last_trial:
             self.driven.fail(self.time, self.phase, cause)
+        end_time = self.time + h
+        self._step(h / 2)
+        remaining = end_time - self.time
+        # After days of motion, the resolution of time is coarser than the shortest steps.
+        is_about_half = abs(remaining - h / 2) < h / 4
+        self._step(remaining if is_about_half else h / 2)
 
     def _try(self, h: float) -> tuple[Values, Values, float]:
         """Tries one step; returns the values and the slope at its end, and its largest error."""
-        driven, self.phase, left = self.driven.ready(self.phase)
+        driven, self.phase, time_to_singularity = self.driven.ready(self.phase)
         if driven is not self.driven:
             self._use(driven)
             self._slope = None
         phase, slope = self.phase, self._slope or driven.slope(self.phase)
-        if h > left * _EDGE_PART:
+        if h > time_to_singularity * _EDGE_PART:
             return phase, slope, math.inf
-        end, slope, apart = self._leap(*phase, h, *slope)
-        # max alone could ignore a nan.
-        return end, slope, math.inf if sum(apart) != sum(apart) else max(apart)
+        end, slope, errors = self._leap(*phase, h, *slope)
+        has_nan = any(map(math.isnan, errors))  # max alone could ignore it
+        return end, slope, math.inf if has_nan else max(errors)
 
 
 class StiffSteps(FixedSteps):
@@ -247,12 +249,13 @@ class AdaptiveSteps:
         return np.array(self.driven.slope(tuple(phase.tolist())))
 
     def _step(self) -> None:
-        driven, phase, left = self.driven.ready(tuple(self._steps.y.tolist()))
+        """Performs a step, in other coordinates if they are better."""
+        driven, phase, time_to_singularity = self.driven.ready(tuple(self._steps.y.tolist()))
         if driven is not self.driven:
             self.driven = driven
             self._begin(self._steps.t, phase)
         steps = self._steps
-        steps.max_step = left * _EDGE_PART
+        steps.max_step = time_to_singularity * _EDGE_PART
         while True:
             try:
                 with np.errstate(all='ignore'):  # the slope rejects non-finite values

@@ -205,15 +205,15 @@ class TorqueMotion(Motion):
         return self
 
     def _drive(self, stamp: int, drive: Any) -> None:
+        """Starts a new segment if the motor has changed, or after a long delay; see `under`."""
         is_late = stamp - self._last > self._period + CATCH_UP
-        if is_late or drive.motor != self._motor:
-            if not is_late:
-                self._advance(stamp)
-            self._begin(
-                replace(self.segment, stamp=stamp, torque=drive.motor.torque, old_stamp=None)
-            )
-            self._motor = drive.motor
-            self._steps.changed()
+        if drive.motor == self._motor and not is_late:
+            return
+        if not is_late:
+            self._advance(stamp)
+        self._begin(replace(self.segment, stamp=stamp, torque=drive.motor.torque, old_stamp=None))
+        self._motor = drive.motor
+        self._steps.changed()
 
     def restamp(self, old: int, new: int) -> 'TorqueMotion':
         """Continues the motion after a step of the clock.
@@ -239,27 +239,30 @@ class TorqueMotion(Motion):
             ConfigurationError: The motion takes too many steps for a live run, or it ends within
                 the first ms.
         """
-        steps, words, tried = cast('FixedSteps', self._steps), '', 0.0
+        steps, problem, steps_per_ms = cast('FixedSteps', self._steps), '', 0.0
         # An implicit step takes twice as long, and so does a step in two coordinates.
-        factor = len(steps.driven.links) * (2 if isinstance(steps, StiffSteps) else 1)
+        cost = len(steps.driven.links) * (2 if isinstance(steps, StiffSteps) else 1)
+        most = _MOST_STEPS // cost
         try:
             for ms in range(1, _TRIED + 1):
                 steps.advance(1e-3 * ms)
-                tried = steps.tried / ms
+                steps_per_ms = steps.tried / ms
         except LinkageError as error:
-            words = f'{error}' if ms == 1 else ''  # the run reports a later end
-        if tried > _MOST_STEPS // factor:
-            words = (
-                f'it requires {tried:.0f} steps per ms, but only {_MOST_STEPS // factor} fit; '
+            if ms == 1:  # the run reports a later end
+                problem = str(error)
+        if steps_per_ms > most:
+            problem = (
+                f'it requires {steps_per_ms:.0f} steps per ms, but only {most} fit; '
                 'lower a stiffness, the slope of a load or the speed, add mass, or use '
                 'linkage_record'
             )
-        if words:
-            fastest = max(steps.driven.rates[1], abs(steps.driven.speed(steps.phase)))
+        if problem:
+            _, frequency = steps.driven.rates
+            fastest = max(frequency, abs(steps.driven.speed(steps.phase)))
             raise ConfigurationError(
                 'a live run cannot follow this motion, in which a radian of the crank or of an '
                 f'oscillation takes {1e3 / fastest:.3g} ms and a tick '
-                f'{1e3 * self._period / NS_PER_S:.3g} ms: {words}'
+                f'{1e3 * self._period / NS_PER_S:.3g} ms: {problem}'
             )
 
     def rehearse(self) -> None:
@@ -268,12 +271,12 @@ class TorqueMotion(Motion):
         if not (own.is_limited and mechanism.other_coordinates):
             return
         for coordinates in (mechanism.other_coordinates, mechanism.coordinates):
-            driven, there = own.redescribed(self._steps.phase, coordinates)
+            driven, y = own.redescribed(self._steps.phase, coordinates)
             for assembly in (OPEN, CROSSED):
                 driven = driven.described(Description(coordinates, assembly))
-                driven.ready(there)
-                driven.slope(there)
-                published(driven, there, 0)
+                driven.ready(y)
+                driven.slope(y)
+                published(driven, y, 0)
 
     def _describe(self, stamp: int, driven: DrivenMechanism) -> None:
         """Starts a new segment at a stamp if the description of the motion has changed."""
@@ -315,35 +318,38 @@ def published(driven: DrivenMechanism, y: Values, pairs: int) -> Coordinates:
     Raises:
         LinkageError: As for `Solver.accelerations`.
     """
-    solver, half = driven.solver, len(y) // 2
-    if driven.has_driven:
-        unwrapped = driven.position(y, pairs)
-        y, _ = driven.wound((unwrapped, *y[1:]))
-        y = y if driven.is_own else legible(driven, y)
-    else:
-        y = legible(driven, y)
-        unwrapped = driven.position(y, pairs)
+    y, unwrapped = _as_published(driven, y, pairs)
+    solver, half, under = driven.solver, len(y) // 2, driven.conditions
     q, u = y[:half], y[half:]
-    if driven.is_own:
-        a = driven.accelerations(*y)
-        state = None if driven.is_usual else solver.state(q, u, a, under=driven.conditions)
-        return Coordinates(q, u, a, unwrapped, state, driven.conditions)
-    torque = driven.torque(driven.speed(y))
-    state = solver.driven_state(q, u, torque, under=driven.conditions)
-    return own_coordinates(solver, state, unwrapped)
+    if not driven.is_own:
+        torque = driven.torque(driven.speed(y))
+        state = solver.driven_state(q, u, torque, under=under)
+        return own_coordinates(solver, state, unwrapped)
+    a = driven.accelerations(*y)
+    own_state = None if driven.is_usual else solver.state(q, u, a, under=under)
+    return Coordinates(q, u, a, unwrapped, own_state, under)
+
+
+def _as_published(driven: DrivenMechanism, y: Values, pairs: int) -> tuple[Values, float]:
+    """Rounds y as messages do; returns it with the position of the driven joint, all turns too."""
+    if not driven.has_driven:
+        y = legible(driven, y)
+        return y, driven.position(y, pairs)
+    unwrapped = driven.position(y, pairs)
+    y, _ = driven.wound((unwrapped, *y[1:]))
+    return (y if driven.is_own else legible(driven, y)), unwrapped
 
 
 def all_published(driven: DrivenMechanism, moments: list[tuple[Values, int]]) -> Coordinates:
     """Returns the coordinates to publish at many times, as arrays; see `published`."""
-    solver = driven.solver
+    solver, under = driven.solver, driven.conditions
     if not driven.is_own:
         return stacked([published(driven, *moment) for moment in moments])
     unwrapped = [driven.position(y, pairs) for y, pairs in moments]
-    angles = [driven.wound((place,))[0][0] for place in unwrapped]
+    first = [driven.wound((position,))[0][0] for position in unwrapped]
     rows = np.array([y for y, _ in moments]).T
     count = len(solver.coordinates)
-    q, u = (np.array(angles), *rows[1:count]), tuple(rows[count:])
-    under = driven.conditions
+    q, u = (np.array(first), *rows[1:count]), tuple(rows[count:])
     a = solver.accelerations(q, u, driven.torque(u[0]), under=under)
     state = None if driven.is_usual else solver.state(q, u, a, under=under)
     return Coordinates(q, u, a, np.array(unwrapped), state, under)
@@ -351,20 +357,23 @@ def all_published(driven: DrivenMechanism, moments: list[tuple[Values, int]]) ->
 
 def legible(driven: DrivenMechanism, y: Values) -> Values:
     """Rounds y so that converting it to the joint values of a message and back is exact."""
-    name, half = driven.solver.links[driven.driven], len(y) // 2
+    driven_name, half = driven.solver.links[driven.driven], len(y) // 2
     values = list(y)
     for i, link in enumerate(driven.links):
-        if link.slides or link.name == name:
+        if link.slides or link.name == driven_name:
             continue
-        # The angle of a joint on the crank is relative to the crank.
-        base, speed = (y[0], y[half]) if link.parent is not None else (0.0, 0.0)
+        # The angle of a joint on the crank is relative to the crank, which is the first.
+        is_on_crank = link.parent is not None
+        crank_angle, crank_rate = (y[0], y[half]) if is_on_crank else (0.0, 0.0)
+        angle, rate = values[i], values[half + i]
         for _ in range(_ROUNDINGS):
-            before = values[i], values[half + i]
-            joint = wrap(values[i] - base)
-            values[i] = base + (joint if joint > -math.pi else math.pi)  # as in messages
-            values[half + i] = speed + (values[half + i] - speed)
-            if (values[i], values[half + i]) == before:
+            before = angle, rate
+            joint = wrap(angle - crank_angle)
+            angle = crank_angle + (joint if joint > -math.pi else math.pi)  # as in messages
+            rate = crank_rate + (rate - crank_rate)
+            if (angle, rate) == before:
                 break
+        values[i], values[half + i] = angle, rate
     return tuple(values)
 
 

@@ -217,57 +217,65 @@ class LoadCurve(AppliedLoad):
                 on a link without a fixed stroke.
         """
         link = mechanism.loaded_link(self.link, f'{self.label}.link')
-        at, value, middle = self._points(mechanism, link)
-        held, back = self.pressure is not None, self.return_value
+        by_frame = self.pressure is not None
+        values = self.value or self._pushes(mechanism)
         if self.over != _POSITION:
-            table = Table(at, value, turns=self.turns)
-            return CurveForce(link, over=0, middle=None, value=Opaque(table), held=held)
-        table = Table(at, value)
+            table = Table(self._crank_angles(mechanism), values, turns=self.turns)
+            return CurveForce(link, over=0, middle=None, value=Opaque(table), by_frame=by_frame)
+        at, middle = self._positions(mechanism, link)
+        table, back = Table(at, values), self.return_value
         return CurveForce(
             link,
             over=link,
             middle=middle,
             value=Opaque(table),
-            held=held,
+            by_frame=by_frame,
             return_value=Opaque(Table(at, back)) if back else None,
             work=None if back else Opaque(table.integral),
         )
 
-    def _points(
+    def _crank_angles(self, mechanism: LoadedMechanism) -> Sequence[float]:
+        """Returns the directions of the crank at the points, rad.
+
+        Raises:
+            ConfigurationError: The curve starts from the top of a stroke, and there is none.
+        """
+        at = self.at or ()
+        if self.over != _FROM_TDC:
+            return at
+        stroke = mechanism.stroke(f'{self.label}.over', self.link)
+        (_, top), _ = stroke.ends(self.top or FAR)
+        at = tuple(top + x for x in at)
+        self._require_rising(at)  # rounding may make points equal
+        return at
+
+    def _positions(
         self, mechanism: LoadedMechanism, link: int
-    ) -> tuple[Sequence[float], Sequence[float], float | None]:
-        """Places the points on a mechanism.
+    ) -> tuple[Sequence[float], float | None]:
+        """Returns the positions of the loaded link at the points, rad or m.
 
         Args:
             mechanism: The mechanism.
             link: Index of the loaded link.
 
         Returns:
-            Directions of the crank, rad, or positions of the link, rad or m; forces there, N or
-            N m; and, over the position of a turning link, the middle of its swing, rad.
+            The positions; and, for a turning link, the middle of its swing, rad.
 
         Raises:
-            ConfigurationError: The curve is over the position of the crank, or has no stroke.
+            ConfigurationError: The link is the crank, or slides and the points are in degrees.
         """
-        at, value, middle = self.at or (), self.value or self._pushes(mechanism), None
-        if self.over == _FROM_TDC:
-            stroke = mechanism.stroke(f'{self.label}.over', self.link)
-            (_, start), _ = stroke.ends(self.top or FAR)
-            at = tuple(start + x for x in at)
-            self._require_rising(at)  # rounding may make points equal
-        slides = mechanism.structure().links[link].slides
-        if self.over == _POSITION and link == 0:
+        at = self.at or ()
+        if link == 0:
             raise ConfigurationError(
                 f"{self.label}.over = 'position': must be crank_angle on {self.link}, the crank"
             )
-        if self.over == _POSITION and slides:
+        if mechanism.structure().links[link].slides:
             refuse_angles(f'{self.label}.at', at, f'the {self.link}')
-        if self.over == _POSITION and not slides:
-            half_way = 0.5 * (at[0] + at[-1])
-            middle = mechanism.swing_middle(f"{self.label}.over = 'position'", half_way)
-            turns = 0 if middle is None else round((half_way - middle) / TURN)
-            at = tuple(angle - turns * TURN for angle in at)
-        return at, value, middle
+            return at, None
+        half_way = 0.5 * (at[0] + at[-1])
+        middle = mechanism.swing_middle(f"{self.label}.over = 'position'", half_way)
+        turns = 0 if middle is None else round((half_way - middle) / TURN)
+        return tuple(angle - turns * TURN for angle in at), middle
 
     def _pushes(self, mechanism: LoadedMechanism) -> tuple[float, ...]:
         """Returns the forces of the pressures on the slider, N."""
@@ -307,7 +315,7 @@ class CurveForce(NamedTuple):
         over: Index of the link whose position is the independent variable.
         middle: Middle of the swing of that link, rad; None to use its position unchanged.
         value: The load as a function of this position.
-        held: Whether the frame exerts the load, as a cylinder head does.
+        by_frame: Whether the frame exerts the load, as a cylinder head does.
         return_value: The load while the position decreases, or None to use `value`.
         work: The work of the load from the first point to a position; None if the work depends on
             more than the position.
@@ -317,7 +325,7 @@ class CurveForce(NamedTuple):
     over: int
     middle: Real
     value: Opaque
-    held: bool = False
+    by_frame: bool = False
     return_value: Opaque | None = None
     work: Opaque | None = None
 
@@ -327,7 +335,7 @@ class CurveForce(NamedTuple):
         force = self.value(position)
         if self.return_value is not None:
             force = where(rates[self.link] >= 0, force, self.return_value(position))
-        return [Wrench(self.link, force, force if self.held else ZERO)]
+        return [Wrench(self.link, force, by_frame=force if self.by_frame else ZERO)]
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
         """See `Load`."""

@@ -61,6 +61,22 @@ class Friction(AppliedLoad):
         return friction if any(friction) else None
 
 
+class _Joint(NamedTuple):
+    """A joint with friction.
+
+    Attributes:
+        name: Name of the pin or of the sliding link.
+        link: Index of a link of the joint; of a guide, the sliding link.
+        other: Index of the other link of a pin; None if it does not move, and for a guide.
+        rate: Rate of the link relative to the other, rad/s, or in its guide, m/s.
+    """
+
+    name: str
+    link: int
+    other: int | None
+    rate: Real
+
+
 class DryFriction(NamedTuple):
     """Dry friction, in the form used by formulas.
 
@@ -77,10 +93,13 @@ class DryFriction(NamedTuple):
     ) -> list[Contact]:
         """Returns the contacts of the joints with friction, pins first; see `JointLoad`."""
         contacts = []
-        for joint, first, others, rate in self._rubbing(pins, links, rates):
-            lever = (self.guide if joint == links[first].name else self.arm) * _sign(rate)
-            levers = {first: -lever, **dict.fromkeys(others, lever)}
-            contacts.append(Contact(joint, levers))
+        for joint in self._joints(pins, links, rates):
+            coefficient = self.guide if joint.name == links[joint.link].name else self.arm
+            lever = coefficient * _sign(joint.rate)
+            levers = {joint.link: -lever}
+            if joint.other is not None:
+                levers[joint.other] = lever
+            contacts.append(Contact(joint.name, levers))
         return contacts
 
     def piece(self, pins: Sequence[Pin], links: Sequence[Link], rates: Sequence[Real]) -> Real:
@@ -88,15 +107,15 @@ class DryFriction(NamedTuple):
 
         A joint at rest has a number of its own, because it has no friction.
         """
-        joints = self._rubbing(pins, links, rates)
-        return sum((_sign(rate) + 1.0) * 3**i for i, (*_, rate) in enumerate(joints))
+        joints = self._joints(pins, links, rates)
+        return sum((_sign(joint.rate) + 1.0) * 3**i for i, joint in enumerate(joints))
 
-    def _rubbing(
+    def _joints(
         self, pins: Sequence[Pin], links: Sequence[Link], rates: Sequence[Real]
-    ) -> Iterator[tuple[str, int, list[int], Real]]:
-        """Yields each joint with friction: its name, link, other link if it moves, and rate.
+    ) -> Iterator[_Joint]:
+        """Yields each joint with friction.
 
-        Between rigid links, rounding errors would give a rate.
+        Joints between rigid links are left out: rounding errors would give them a rate.
         """
         carriers: dict[int | None, int | None] = {None: None}
         carriers |= enumerate(carriers_of(pins, links))
@@ -104,14 +123,23 @@ class DryFriction(NamedTuple):
             if carriers[pin.first] == carriers[pin.second]:
                 continue
             moving = [j for j in (pin.second, pin.first) if j is not None]
-            first, *others = sorted(moving, key=lambda j: spin_of(links, j) is None)
-            spins = [spin_of(links, j) for j in (first, *others)]
-            rate, *other = (ZERO if j is None else rates[j] for j in spins)
-            yield pin.name, first, others, rate - (other[0] if other else ZERO)
-        for j, link in enumerate(links):
-            moves = carriers[j] != carriers[link.parent]
-            if link.slides and moves and self.guide is not ZERO:
-                yield link.name, j, [], rates[j]
+            link, *others = sorted(moving, key=lambda j: spin_of(links, j) is None)
+            rate, *other_rates = (_spin_rate(links, rates, j) for j in (link, *others))
+            yield _Joint(
+                pin.name,
+                link,
+                other=others[0] if others else None,
+                rate=rate - (other_rates[0] if other_rates else ZERO),
+            )
+        for j, link_of_guide in enumerate(links if self.guide is not ZERO else ()):
+            if link_of_guide.slides and carriers[j] != carriers[link_of_guide.parent]:
+                yield _Joint(link_of_guide.name, j, other=None, rate=rates[j])
+
+
+def _spin_rate(links: Sequence[Link], rates: Sequence[Real], j: int) -> Real:
+    """Returns the angular velocity of link j, rad/s; ZERO if it does not turn."""
+    spin = spin_of(links, j)
+    return ZERO if spin is None else rates[spin]
 
 
 def _sign(rate: Real) -> Real:

@@ -101,7 +101,7 @@ class Gas(AppliedLoad):
             return None
         load = self.on(mechanism)
         length = load.largest - load.clearance
-        ends = (load.top - load.way * x * length for x in (_AT_END, 1 - _AT_END))
+        ends = (load.top - load.towards_top * x * length for x in (_AT_END, 1 - _AT_END))
         return Range(load.link, *sorted(ends))
 
 
@@ -111,7 +111,7 @@ class GasForce(NamedTuple):
     Attributes:
         link: Index of the slider.
         area: Area of the piston, m^2.
-        way: 1 if the slider's position increases towards the top, otherwise -1.
+        towards_top: 1 if the slider's position increases towards the top, otherwise -1.
         top: Position of the slider at the top, m.
         clearance: Smallest distance of the piston from the head, m.
         largest: Largest distance, m.
@@ -123,7 +123,7 @@ class GasForce(NamedTuple):
 
     link: int
     area: Real
-    way: Real
+    towards_top: Real
     top: Real
     clearance: Real
     largest: Real
@@ -133,7 +133,7 @@ class GasForce(NamedTuple):
     ambient: Real
 
     def _distance(self, links: Sequence[LinkPose]) -> Real:
-        return self.clearance + self.way * (self.top - links[self.link].position)
+        return self.clearance + self.towards_top * (self.top - links[self.link].position)
 
     def _pressures(self, links: Sequence[LinkPose]) -> tuple[Real, Real]:
         """Returns the pressure during compression, Pa, and during expansion."""
@@ -151,8 +151,8 @@ class GasForce(NamedTuple):
         """See `Load`; the gas also pushes the cylinder head, which belongs to the frame."""
         pressure, back = self._pressures(links)
         if self.outlet is not None:
-            pressure = where(self.way * rates[self.link] >= 0, pressure, back)
-        force = -(self.way * ((pressure - self.ambient) * self.area))
+            pressure = where(self.towards_top * rates[self.link] >= 0, pressure, back)
+        force = -(self.towards_top * ((pressure - self.ambient) * self.area))
         return [Wrench(self.link, force, force)]
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
@@ -160,16 +160,17 @@ class GasForce(NamedTuple):
         if self.outlet is not None:
             return ZERO
         distance, extra = self._distance(links), self.exponent - 1.0
-        ratio = log1p((self.largest - distance) / distance)  # logarithm of that of the volumes
-        differs = abs(extra) > 0.0  # from an isothermal gas
-        power = where(differs, extra, 1.0)
-        work = where(differs, expm1(extra * ratio) / power, ratio)
+        log_ratio = log1p((self.largest - distance) / distance)  # of largest volume to volume
+        # The limit of (ratio^extra - 1) / extra for extra = 0 is the logarithm: an isothermal gas.
+        is_polytropic = abs(extra) > 0.0
+        divisor = where(is_polytropic, extra, 1.0)
+        work = where(is_polytropic, expm1(extra * log_ratio) / divisor, log_ratio)
         volume = self.area * self.largest
         return self.inlet * (volume * work) + self.ambient * (self.area * distance)
 
     def piece(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> Any:
         """Numbers the parts of the cycle between the valves' openings; see `Load`."""
-        forth = np.asarray(self.way * rates[self.link] >= 0)
+        forth = np.asarray(self.towards_top * rates[self.link] >= 0)
         if self.outlet is None:
             return np.zeros(forth.shape)
         pressure, back = (number(x) for x in self._pressures(links))

@@ -74,7 +74,7 @@ class LinkLoad(AppliedLoad):
             return LinkForce(link, *values, may_turn_fully=True)
         side = mechanism.swing_side()
         if not self.stiffness:
-            return LinkForce(link, *values, rest, side, side is None)
+            return LinkForce(link, *values, rest, side, may_turn_fully=side is None)
         middle = mechanism.swing_middle(f'{self.label}.stiffness', rest)
         if middle is None:
             raise ConfigurationError(
@@ -82,7 +82,8 @@ class LinkLoad(AppliedLoad):
                 'kind spring between two points'
             )
         turns = round((rest - middle) / (2 * math.pi))
-        return LinkForce(link, *values, rest - turns * 2 * math.pi, middle, side is None)
+        rest_near_middle = rest - turns * 2 * math.pi
+        return LinkForce(link, *values, rest_near_middle, middle, may_turn_fully=side is None)
 
 
 class LinkForce(NamedTuple):
@@ -110,8 +111,8 @@ class LinkForce(NamedTuple):
 
     def wrenches(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
         """See `Load`; the frame exerts the force of damper and spring."""
-        held = -(self.damping * rates[self.link] + self.stiffness * self._stretch(links))
-        return [Wrench(self.link, self.force + held, held)]
+        by_frame = -(self.damping * rates[self.link] + self.stiffness * self._stretch(links))
+        return [Wrench(self.link, self.force + by_frame, by_frame)]
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
         """Returns the energy of the spring and of the constant force, J; see `Load`."""

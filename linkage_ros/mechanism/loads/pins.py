@@ -40,17 +40,15 @@ class Pins(AppliedLoad):
         structure = mechanism.structure()
         names = [pin.name for pin in structure.pins]
         if not names or (self.pin and self.pin not in names):
-            raise ConfigurationError(
-                f'{self.label}.pin = {shown(self.pin)}: must be '
-                + (f'one of {", ".join(names)}, or empty for all' if names else 'left out, since '
-                   'the pins of this mechanism are unknown')
-            )  # fmt: skip
+            words = 'left out, since the pins of this mechanism are unknown'
+            if names:
+                words = f'one of {", ".join(names)}, or empty for all'
+            raise ConfigurationError(f'{self.label}.pin = {shown(self.pin)}: must be {words}')
+        damped = [pin for pin in structure.pins if self.pin in {'', pin.name}]
         return PinDamping(
             self.damping,
             tuple(
-                tuple(_turning(structure, j) for j in (pin.first, pin.second))
-                for pin in structure.pins
-                if self.pin in {'', pin.name}
+                (_turning(structure, pin.first), _turning(structure, pin.second)) for pin in damped
             ),
         )
 

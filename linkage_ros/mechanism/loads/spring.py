@@ -155,9 +155,10 @@ class PointSpring(NamedTuple):
             length = self._length(links)
             tension = self.stiffness * (length - self.free_length)
             if self.damping is not ZERO:
-                ends = (velocity(x, links, rates) for x in (self.other_point, self.point))
-                second, first = ends
-                tension = tension + self.damping * (dot(second - first, apart) / length)
+                other_velocity = velocity(self.other_point, links, rates)
+                own_velocity = velocity(self.point, links, rates)
+                extension_rate = dot(other_velocity - own_velocity, apart) / length
+                tension = tension + self.damping * extension_rate
             force = apart * (tension / length)
         return [
             Wrench(self.link, force=force, point=self.point),

@@ -5,10 +5,10 @@
 import itertools
 import math
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from linkage_ros.errors import MotionError
-from linkage_ros.messages.cdr import decode_trajectory
+from linkage_ros.messages.cdr import TrajectoryPoint, decode_trajectory
 from linkage_ros.motion.along_law import LawMotion, require_possible
 from linkage_ros.motion.drives.base import Machine
 from linkage_ros.motion.inputs import Input, UnnamedError
@@ -75,44 +75,46 @@ class CrankTrajectories(Input):
             ValueError: The message is not a trajectory for this crank.
         """
         stamp, names, points = decode_trajectory(data)
-        crank, start = self._machine.crank, stamp or self._stamp
+        self._require_names(names)
+        _require_sizes(points, len(names))
+        i, joint = names.index(self._machine.crank), self._machine.joint
+        angles, slopes = list[float](), list[tuple[float, ...]]()
+        for point in points:
+            rates = *point.velocities[i : i + 1], *point.accelerations[i : i + 1]
+            angles.append(joint.own(point.positions[i]))
+            slopes.append(tuple(rate / joint.ratio for rate in rates))
+        if not all(map(math.isfinite, itertools.chain(angles, *slopes))):
+            raise ValueError('a number of it is not finite')
+        start = stamp or self._stamp
+        times = [start + point.time for point in points]
+        if any(before >= after for before, after in itertools.pairwise(times)):
+            raise ValueError('its times do not increase')
+        last_slopes = slopes[-1]
+        if last_slopes and last_slopes[0]:
+            raise ValueError(f'its last velocity is {last_slopes[0]:g}: must be 0, where it ends')
+        past = bisect_right(times, self._stamp)
+        if past == len(times):
+            late = (self._stamp - times[-1]) / NS_PER_S
+            raise ValueError(f'all its points are in the past: the last one by {late:.3f} s')
+        return times[past:], angles[past:], slopes[past:] if last_slopes else None
+
+    def _require_names(self, names: Sequence[str]) -> None:
+        """Checks the names of the joints.
+
+        Raises:
+            UnnamedError: The crank is not among them.
+            ValueError: The crank is named twice, or others than cranks are named.
+        """
+        crank, other_cranks = self._machine.crank, self._machine.others
         words = ascii(', '.join(names))[1:-1] or 'nothing'
         if crank not in names:
             raise UnnamedError(f'it names {words:.80}: must name {crank}')
         self.require_motion()
         others = [name for name in names if name != crank]
-        if len(others) != len(names) - 1 or not {*others} <= self._machine.others:
-            alone = 'once, and only cranks' if self._machine.others else 'alone'
+        is_named_once = len(others) == len(names) - 1
+        if not is_named_once or not {*others} <= other_cranks:
+            alone = 'once, and only cranks' if other_cranks else 'alone'
             raise ValueError(f'it names {words:.80}: must name {crank} {alone}')
-        if not points:
-            raise ValueError('it has no points')
-        i, n = names.index(crank), len(names)
-        sizes = {(len(x.positions), len(x.velocities), len(x.accelerations)) for x in points}
-        if sizes not in ({(n, 0, 0)}, {(n, n, 0)}, {(n, n, n)}):
-            each = ' for each joint' if n > 1 else ''
-            raise ValueError(
-                f'its points do not match: each must have one position{each} and, if every other '
-                'point has them, one velocity, or one velocity and one acceleration'
-            )
-        joint = self._machine.joint
-        rows = []
-        for point in points:
-            rates = *point.velocities[i : i + 1], *point.accelerations[i : i + 1]
-            rows.append((joint.own(point.positions[i]), *(rate / joint.ratio for rate in rates)))
-        if not all(map(math.isfinite, itertools.chain(*rows))):
-            raise ValueError('a number of it is not finite')
-        times = [start + point.time for point in points]
-        if any(before >= after for before, after in itertools.pairwise(times)):
-            raise ValueError('its times do not increase')
-        if len(rows[-1]) > 1 and rows[-1][1]:
-            raise ValueError(f'its last velocity is {rows[-1][1]:g}: must be 0, where it ends')
-        past = bisect_right(times, self._stamp)
-        if past == len(times):
-            late = (self._stamp - times[-1]) / NS_PER_S
-            raise ValueError(f'all its points are in the past: the last one by {late:.3f} s')
-        angles = [row[0] for row in rows[past:]]
-        slopes = [row[1:] for row in rows[past:]]
-        return times[past:], angles, slopes if slopes[0] else None
 
     def applied(
         self, motion: LawMotion, stamp: int, elapsed: int, received: Iterable[LawMotion]  # noqa: ARG002
@@ -123,3 +125,20 @@ class CrankTrajectories(Input):
     def diagnostics(self) -> dict[str, str]:
         """Returns the counts of trajectories, for diagnostics."""
         return {name: str(count) for name, count in self.counts.items()}
+
+
+def _require_sizes(points: Sequence[TrajectoryPoint], count: int) -> None:
+    """Checks that the points have the same numbers for each of `count` joints.
+
+    Raises:
+        ValueError: They do not, or there are none.
+    """
+    if not points:
+        raise ValueError('it has no points')
+    sizes = {(len(x.positions), len(x.velocities), len(x.accelerations)) for x in points}
+    if sizes not in ({(count, 0, 0)}, {(count, count, 0)}, {(count, count, count)}):
+        each = ' for each joint' if count > 1 else ''
+        raise ValueError(
+            f'its points do not match: each must have one position{each} and, if every other '
+            'point has them, one velocity, or one velocity and one acceleration'
+        )

@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple, NoReturn, cast
 
 from linkage_ros.errors import ConfigurationError, LinkageError, UnreachableError
 from linkage_ros.mechanism.base import Mechanism
@@ -168,8 +168,9 @@ class MeasuredCrank(Input):
         Returns:
             The coordinates as arrays, and those for the feed-forward torque or None.
         """
-        later = [x for one in found if (x := self.later(one))]
-        return stacked(found), stacked(later) if later else None
+        if self._machine.lead is None:
+            return stacked(found), None
+        return stacked(found), stacked([*filter(None, map(self.later, found))])
 
     def later(self, coordinates: Coordinates) -> Coordinates | None:
         """Extrapolates a measurement by `Machine.lead`; returns None without feed-forward."""
@@ -186,25 +187,34 @@ class MeasuredCrank(Input):
         crank = self._decode(data, self._joint, self._machine.joint)
         self.require_motion()
         stamp = crank.stamp or received
-        # A filter must not see a measurement that is rejected.
-        if self._frame:
-            try:
-                base = self._decode(data, self._frame_reader, self._frame_joint)
-            except UnnamedError as error:
-                raise ValueError(NO_FRAME) from error
-            self._frame.check(stamp, base.position, base.velocity)
+        # All checks come first: a filter must not see a measurement that is rejected.
+        base = self._decode_frame(data, stamp) if self._frame else None
         if self._is_limited and math.isfinite(crank.position):
             self._require_state(crank.position)
-        found = self._motion.at(stamp, crank.position, crank.velocity)
+        coordinates = self._motion.at(stamp, crank.position, crank.velocity)
         conditions = self._machine.conditions
-        if self._frame:
-            turned = self._frame.at(stamp, base.position, base.velocity)
-            motion = turned.q[0], turned.u[0], turned.a[0]
-            conditions = replace(conditions, frame=motion)
-        found = found._replace(conditions=conditions)
+        if self._frame and base:
+            (angle,), (rate,), (acceleration,), *_ = self._frame.at(
+                stamp, base.position, base.velocity
+            )
+            conditions = replace(conditions, frame=(angle, rate, acceleration))
+        coordinates = coordinates._replace(conditions=conditions)
         if self._machine.joint.is_mapped:
-            found = found._replace(unwrapped=crank.value)
-        return stamp, found
+            coordinates = coordinates._replace(unwrapped=crank.value)
+        return stamp, coordinates
+
+    def _decode_frame(self, data: bytes, stamp: int) -> _Measured:
+        """Reads and checks the joint that turns base_link.
+
+        Raises:
+            ValueError: The message must be rejected.
+        """
+        try:
+            base = self._decode(data, self._frame_reader, self._frame_joint)
+        except UnnamedError as error:
+            raise ValueError(NO_FRAME) from error
+        cast('FollowMotion', self._frame).check(stamp, base.position, base.velocity)
+        return base
 
     def _decode(self, data: bytes, reader: JointReader, joint: RobotJoint) -> _Measured:
         """Reads a joint from a message.

@@ -4,7 +4,7 @@
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
 from itertools import pairwise
@@ -32,6 +32,7 @@ _LIST_OF = {
     'time': 'times', 'angle': 'angles', 'position': 'positions', 'speed': 'speeds',
     'acceleration': 'accelerations',
 }  # fmt: skip
+_OF_SINE, _OF_POINTS = {'center', 'amplitude', 'frequency', 'phase'}, {'spline', 'repeat'}
 _MOST_POINTS = 10_000  # whose spline in 50 digits takes a second or two
 _ROUNDING = 8 * math.ulp(math.tau)  # relative tolerance of whole turns
 
@@ -112,21 +113,29 @@ class Prescribed(Checked):
                 'motion: give times and angles, or file, or amplitude and frequency; for a '
                 'cylinder or slider, positions instead of angles'
             )
-        unused = {'center', 'amplitude', 'frequency', 'phase'}
         if is_sine:
-            unused = {'spline', 'repeat'}
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name in unused and value != field.default:
-                raise ConfigurationError(
-                    f'motion.{field.name} = {shown(value)}: leave it out, because it is for '
-                    + ('points, not for a sine' if is_sine else 'a sine, not for points')
-                )
+            self._require_default(_OF_POINTS, 'points, not for a sine')
+        else:
+            self._require_default(_OF_SINE, 'a sine, not for points')
         if 'accelerations' in lists and 'speeds' not in lists:
             raise ConfigurationError('motion.accelerations: give motion.speeds as well')
         if lists:
             self._check_points(lists)
         _ = self.law  # rejects points without a law
+
+    def _require_default(self, names: Container[str], purpose: str) -> None:
+        """Rejects parameters that are for another kind of law.
+
+        Raises:
+            ConfigurationError: There is one.
+        """
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name in names and value != field.default:
+                raise ConfigurationError(
+                    f'motion.{field.name} = {shown(value)}: leave it out, because it is for '
+                    f'{purpose}'
+                )
 
     def _check_points(self, lists: Sequence[str]) -> None:
         times: Any = self.times
@@ -141,45 +150,44 @@ class Prescribed(Checked):
                     f'motion.{name} has {len(row)} numbers and motion.times {len(times)}: give '
                     'one for each point'
                 )
-            is_rate = name in {'speeds', 'accelerations'}
-            if is_rate and len(row) == 1 and row[0]:
-                raise ConfigurationError(
-                    f'motion.{name} is {row[0]:g} at the only point: give two points or more'
-                )
-            differs = is_rate and row[0] != row[-1]
-            if self.repeat and differs:
-                raise ConfigurationError(
-                    f'motion.{name} ends with {row[-1]:g}: must equal the first, {row[0]:g}, to '
-                    'repeat without a jump'
-                )
-        stamps = _nanoseconds(times)
-        if stamps[0]:
-            raise ConfigurationError(f'motion.times begins with {times[0]:g}: must be 0.0')
-        for i, (before, after) in enumerate(pairwise(stamps), 2):
-            if not before < after:
-                raise ConfigurationError(
-                    f'motion.times must increase by 1 ns or more: number {i}, {times[i - 1]!r}, '
-                    f'follows {times[i - 2]!r}'
-                )
+            if name in {'speeds', 'accelerations'}:
+                self._check_rates(name, row)
+        _check_times(times)
         if self.repeat:
             self._check_repetition()
+
+    def _check_rates(self, name: str, row: Sequence[float]) -> None:
+        """Checks speeds or accelerations at the points.
+
+        Raises:
+            ConfigurationError: They do not fit.
+        """
+        if len(row) == 1 and row[0]:
+            raise ConfigurationError(
+                f'motion.{name} is {row[0]:g} at the only point: give two points or more'
+            )
+        if self.repeat and row[0] != row[-1]:
+            raise ConfigurationError(
+                f'motion.{name} ends with {row[-1]:g}: must equal the first, {row[0]:g}, to '
+                'repeat without a jump'
+            )
 
     def _check_repetition(self) -> None:
         if len(self.times or ()) == 1:
             raise ConfigurationError('motion.repeat: give two points or more')
         places: Any = self.places
-        way = places[-1] - places[0]
-        if self.positions is not None and way:
+        advance = places[-1] - places[0]
+        if self.positions is not None and advance:
             raise ConfigurationError(
-                f'motion.positions ends {way!r} m after its start: must end there, to repeat '
+                f'motion.positions ends {advance!r} m after its start: must end there, to repeat '
                 'without a jump'
             )
-        gap = math.remainder(way, math.tau)
+        gap = math.remainder(advance, math.tau)
         ulp = math.ulp(max(abs(places[0]), abs(places[-1])))  # each angle was rounded
-        if abs(gap) > _ROUNDING * max(1.0, abs(way)) + 4 * ulp:
+        if abs(gap) > _ROUNDING * max(1.0, abs(advance)) + 4 * ulp:
             raise ConfigurationError(
-                f'motion.angles ends {way!r} rad after its start: must be 0, or whole turns of '
-                f'{math.tau!r}, to repeat without a jump'
+                f'motion.angles ends {advance!r} rad after its start: must be 0, or whole turns '
+                f'of {math.tau!r}, to repeat without a jump'
             )
 
     def _read(self) -> None:
@@ -216,6 +224,23 @@ class Prescribed(Checked):
 def _nanoseconds(times: Sequence[float]) -> list[int]:
     """Rounds times, s, to ns."""
     return [round(Fraction(time) * NS_PER_S) for time in times]
+
+
+def _check_times(times: Sequence[float]) -> None:
+    """Checks that the times of points begin at 0 and increase.
+
+    Raises:
+        ConfigurationError: They do not.
+    """
+    stamps = _nanoseconds(times)
+    if stamps[0]:
+        raise ConfigurationError(f'motion.times begins with {times[0]:g}: must be 0.0')
+    for i, (before, after) in enumerate(pairwise(stamps), 2):
+        if not before < after:
+            raise ConfigurationError(
+                f'motion.times must increase by 1 ns or more: number {i}, {times[i - 1]!r}, '
+                f'follows {times[i - 2]!r}'
+            )
 
 
 def _columns(path: str) -> dict[str, list[float]]:
@@ -269,11 +294,10 @@ class LawDrive(TrajectoryFeedForward):
         """
         solver = Solver(mechanism)
         joint = solver.structure.driven_link
-        wrong = self.motion.angles if joint.slides else self.motion.positions
-        if wrong is not None:
-            names = ('angles', 'positions') if joint.slides else ('positions', 'angles')
+        wrong, right = ('angles', 'positions') if joint.slides else ('positions', 'angles')
+        if getattr(self.motion, wrong) is not None:
             raise ConfigurationError(
-                f'motion.{names[0]}: must be motion.{names[1]}, because the {joint.name} is driven'
+                f'motion.{wrong}: must be motion.{right}, because the {joint.name} is driven'
             )
         if joint.slides:
             for name in ('center', 'amplitude'):

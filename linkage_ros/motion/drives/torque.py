@@ -91,30 +91,23 @@ class TorqueDrive(Drive):
             ConfigurationError: The crank is on the side of the other assembly.
             UnreachableError: The mechanism cannot be there.
         """
-        mistakes = list[str]()
-        for assembly_by_crank in (OPEN, CROSSED):
-            start = _slide_of(mechanism, assembly_by_crank, crank_angle, crank_rate)
-            try:
-                crank_angles = _crank_angles(mechanism, start.unwrapped)
-            except UnreachableError:
-                if mistakes:  # the rod of a cylinder has only the first position
-                    break
-                raise
-            distances = {
-                assembly: abs(math.remainder(angle - crank_angle, math.tau))
-                for assembly, angle in crank_angles.items()
-            }
-            nearest = min(distances, key=distances.__getitem__)
-            if nearest == mechanism.assembly:
-                return start
-            slide = mechanism.structure().driven_link.driven_word
-            mistakes.append(
-                f'crank_angle = {self.crank_angle:g}: is in assembly {nearest}; in '
-                f'{mechanism.assembly}, the crank is at '
-                f'{rad_and_deg(crank_angles[mechanism.assembly])} for this position of the '
-                f'{slide}; change crank_angle or assembly'
-            )
-        raise ConfigurationError(mistakes[0])
+        start = _slide_of(mechanism, OPEN, crank_angle, crank_rate)
+        crank_angles = _crank_angles(mechanism, start.unwrapped)
+        if _nearest(crank_angles, crank_angle) == mechanism.assembly:
+            return start
+        other_start = _slide_of(mechanism, CROSSED, crank_angle, crank_rate)
+        with suppress(UnreachableError):  # the rod of a cylinder has only the first position
+            other_angles = _crank_angles(mechanism, other_start.unwrapped)
+            if _nearest(other_angles, crank_angle) == mechanism.assembly:
+                return other_start
+        slide = mechanism.structure().driven_link.driven_word
+        raise ConfigurationError(
+            f'crank_angle = {self.crank_angle:g}: is in assembly '
+            f'{_nearest(crank_angles, crank_angle)}; in '
+            f'{mechanism.assembly}, the crank is at '
+            f'{rad_and_deg(crank_angles[mechanism.assembly])} for this position of the '
+            f'{slide}; change crank_angle or assembly'
+        )
 
     def check(self, mechanism: Mechanism) -> None:
         """Checks that the motion can start.
@@ -189,12 +182,20 @@ def _crank_angles(mechanism: Mechanism, slide_position: float) -> dict[str, floa
     Raises:
         UnreachableError: The slide cannot be there.
     """
-    found = dict[str, float]()
+    angles = dict[str, float]()
     for assembly in (OPEN, CROSSED):
         solver = Solver(replace(cast('Any', mechanism), assembly=assembly))
         (crank,) = solver.structure.indices_of(['crank'])
-        found[assembly] = solver.state(slide_position).position[crank]
-    return found
+        angles[assembly] = solver.state(slide_position).position[crank]
+    return angles
+
+
+def _nearest(crank_angles: dict[str, float], crank_angle: float) -> str:
+    """Returns the assembly whose crank angle, rad, is nearest to a given one."""
+    return min(
+        crank_angles,
+        key=lambda assembly: abs(math.remainder(crank_angles[assembly] - crank_angle, math.tau)),
+    )
 
 
 class TorqueCommands(Input):
@@ -255,16 +256,17 @@ class TorqueCommands(Input):
             ValueError: The message is not a command for this crank.
         """
         shown = ascii(', '.join(names))[1:-1] or 'nothing'
-        if self._crank not in names:
+        places = [i for i, name in enumerate(names) if name == self._crank]
+        if not places:
             raise UnnamedError(f'it names {shown:.80}: must name {self._crank} once')
         self.require_motion()
         if len(efforts) != len(names):
             raise ValueError(
                 f'{len(names)} names and {len(efforts)} efforts: must be one for each'
             )
-        if list(names).count(self._crank) != 1:
+        if len(places) > 1:
             raise ValueError(f'it names {shown:.80}: must name {self._crank} once')
-        torque = float(efforts[list(names).index(self._crank)]) * self._ratio
+        torque = float(efforts[places[0]]) * self._ratio
         if not math.isfinite(torque):
             raise ValueError(f'effort {torque}: must be a finite number, {self._unit}')
         self.counts[TAKEN] += 1
