@@ -203,32 +203,43 @@ def topic_of(bag: Bag, joints: Sequence[str], name: str = '') -> str:
     Raises:
         LogError: No topic or more than one names one of the joints, or the topic `name` does not.
     """
-    named, heard = set[str](), dict[str, bytes]()  # and the first message of each topic
+    # The topics that name a joint, and the first message of each topic.
+    naming, first_messages = set[str](), dict[str, bytes]()
     readers = defaultdict[str, list[JointReader]](lambda: [JointReader(x) for x in joints])
-    needed = {name} if name else bag.topics(JOINT_STATE.name)
+    possible = {name} if name else bag.topics(JOINT_STATE.name)
     try:
         for topic, _, data in chain.from_iterable(bag.messages()):
-            if topic.name in named:
+            if topic.name in naming:
                 continue
-            heard.setdefault(topic.name, data)
-            with suppress(ValueError):  # the message is invalid
-                positions = (reader.read(data)[1] for reader in readers[topic.name])
-                if any(position is not None for position in positions):
-                    named.add(topic.name)
-                    if named == needed:
-                        break
+            first_messages.setdefault(topic.name, data)
+            if _has_position(data, readers[topic.name]):
+                naming.add(topic.name)
+                if naming == possible:
+                    break
     except LogError:  # the caller reads the messages before the damage
-        if not named:
+        if not naming:
             raise
-    if name in named or (len(named) == 1 and not name):
-        return name or named.pop()
-    listed = ' or '.join(joints)
-    if named:
+    if name in naming:
+        return name
+    if len(naming) == 1 and not name:
+        return naming.pop()
+    words = ' or '.join(joints)
+    if naming:
         raise LogError(
-            f'{bag.path} has positions of {listed} on {", ".join(sorted(named))}: '
+            f'{bag.path} has positions of {words} on {", ".join(sorted(naming))}: '
             'give one of these as --topic'
         )
-    raise LogError(f'{bag.path} has no position of {listed}: {_joints_instead(joints, heard)}')
+    raise LogError(
+        f'{bag.path} has no position of {words}: {_joints_instead(joints, first_messages)}'
+    )
+
+
+def _has_position(data: bytes, readers: Sequence[JointReader]) -> bool:
+    """Returns whether a message is valid and has a position of one of the readers' joints."""
+    try:
+        return any(position is not None for _, position, _ in (x.read(data) for x in readers))
+    except ValueError:
+        return False
 
 
 def _joints_instead(joints: Sequence[str], heard: Mapping[str, bytes]) -> str:

@@ -36,9 +36,14 @@ from linkage_ros.run.states import RowPart, Simulator
 from linkage_ros.units import TIME_END
 
 
-def _moment(segment: Segment) -> int:
+def _begin(segment: Segment) -> int:
     """Returns the start of a segment on the clock of the previous segment, ns."""
     return segment.stamp if segment.old_stamp is None else segment.old_stamp
+
+
+def _leading(values: npt.NDArray[np.bool_]) -> int:
+    """Counts the leading true values."""
+    return int(np.append(values, False).argmin())
 
 
 class Rows(NamedTuple):
@@ -57,6 +62,24 @@ class Rows(NamedTuple):
 Segments: TypeAlias = dict[str, int]
 
 
+class Fit(NamedTuple):
+    """A segment that may contain the next states of a linkage.
+
+    Attributes:
+        number: Index of the segment.
+        ticks: The ticks of all leading states that fit the segment.
+    """
+
+    number: int
+    ticks: list[int]
+
+
+def _combined(linkages: tuple[str, ...], fits: Sequence[Fit]) -> tuple[Segments, list[int]]:
+    """Returns the segment of each linkage, and the ticks that fit the segments of all."""
+    segments = {name: fit.number for name, fit in zip(linkages, fits, strict=True)}
+    return segments, min((fit.ticks for fit in fits), key=len)
+
+
 def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
     """Checks that each segment follows from the configuration and from the previous segment.
 
@@ -70,23 +93,34 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
     Returns:
         Description of the first difference; empty if there is none.
     """
-    past: Segment | None = None
+    previous: Segment | None = None
     for number, logged in enumerate(motions, 1):
-        due, motion = logged, past.motion() if past else None
-        if past and logged.motion() and _moment(logged) < past.stamp:
+        if previous and logged.motion() and _begin(logged) < previous.stamp:
             return f'motion record {number} starts before the previous one'
-        if past is None and not simulator.linkage.drive.is_measured:
-            due = simulator.begin(logged.stamp).segment
-        elif motion:
-            try:
-                due = motion.next_segment(logged)
-            except MotionError as error:
-                return f'motion record {number}: {error}'
-        for name, value in reversed(vars(due).items()):  # compare values set by users first
-            if (found := vars(logged).get(name)) != value:
-                return f'motion record {number} has {name} = {found}, recomputed {value}'
-        past = logged
+        try:
+            expected = _expected_segment(simulator, previous, logged)
+        except MotionError as error:
+            return f'motion record {number}: {error}'
+        for name, value in reversed(vars(expected).items()):  # values set by users come first
+            logged_value = vars(logged).get(name)
+            if logged_value != value:
+                return f'motion record {number} has {name} = {logged_value}, recomputed {value}'
+        previous = logged
     return ''
+
+
+def _expected_segment(simulator: Simulator, previous: Segment | None, logged: Segment) -> Segment:
+    """Recomputes a logged segment; returns it unchanged if nothing determines it.
+
+    Raises:
+        MotionError: The motion of the previous segment ends before the logged segment.
+    """
+    if previous is None:
+        if simulator.linkage.drive.is_measured:
+            return logged
+        return simulator.begin(logged.stamp).segment
+    motion = previous.motion()
+    return motion.next_segment(logged) if motion else logged
 
 
 class ExpectedStates(ABC):
@@ -201,27 +235,25 @@ class SegmentStates:
         """
         self.number, self._run = 0, run
         self._simulator, self._motions = simulator, motions
-        steps = accumulate(motion.stamp - _moment(motion) for motion in motions)
-        self.anchors = [motions[0].stamp + step for step in steps]
-        self._ends = [*map(_moment, motions[1:]), TIME_END]
+        clock_steps = accumulate(motion.stamp - _begin(motion) for motion in motions)
+        self.anchors = [motions[0].stamp + step for step in clock_steps]
+        self._ends = [*map(_begin, motions[1:]), TIME_END]
 
-    def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
-        """Yields segments that may contain the next stamps, and the ticks of leading stamps."""
-        run = self._run
+    def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[Fit]:
+        """Yields the segments that may contain the next stamps, ns."""
+        run, clock = self._run, self._simulator.ticks
         for number in range(self.number, len(self._motions)):
             start, end = self._motions[number].stamp, self._ends[number]
-            inside = (start <= stamps) & (stamps < end)
-            # With False at the end, argmin counts the leading true values.
-            leading = stamps[: np.append(inside, False).argmin()]
-            elapsed = leading.astype(object) - self.anchors[number]
-            ticks = self._simulator.ticks.tick_at(elapsed)
+            in_segment = stamps[: _leading((start <= stamps) & (stamps < end))]
+            elapsed = in_segment.astype(object) - self.anchors[number]
+            ticks = clock.tick_at(elapsed)
             steps = np.diff(ticks, prepend=run.tick)
-            fits = self._simulator.ticks.elapsed(ticks) == elapsed
-            fits &= steps > 0
-            if run.is_record:
-                fits[run.is_after_gap :] &= steps[run.is_after_gap :] == 1
-            if count := np.append(fits, False).argmin():
-                yield number, ticks[:count].tolist()
+            fits = (clock.elapsed(ticks) == elapsed) & (steps > 0)
+            if run.is_record:  # it misses no tick, except in a gap
+                first = 1 if run.is_after_gap else 0
+                fits[first:] &= steps[first:] == 1
+            if count := _leading(fits):
+                yield Fit(number, ticks[:count].tolist())
 
     def coordinates(
         self,
@@ -289,11 +321,10 @@ class TickStates(ExpectedStates):
         """Finds segments by their stamps; see `ExpectedStates`."""
         first, *others = ([*self._linkages[name].fitting(stamps)] for name in linkages)
         for start in first:
-            tick = start[1][0]
-            same = [[one for one in found if one[1][0] == tick] for found in others]
-            for chosen in product([start], *same):
-                segments = dict(zip(linkages, (number for number, _ in chosen), strict=True))
-                yield segments, min((ticks for _, ticks in chosen), key=len)
+            tick = start.ticks[0]
+            same_tick = [[fit for fit in fits if fit.ticks[0] == tick] for fits in others]
+            for fits in product([start], *same_tick):
+                yield _combined(linkages, fits)
 
     def coordinates(
         self, linkage: str, number: int, stamps: list[int], rows: Rows, forces: Forces
@@ -365,17 +396,18 @@ class MeasuredStates(ExpectedStates):
             if self._next[0].coordinates:
                 break
             self._efforts.end(self._next.pop(0).ended)  # it has no state
-        ended = self._next[0].ended if self._next else ()
-        fit = list[int]()
-        for stamp, one in zip(stamps.tolist(), self._next, strict=False):
-            if (one.stamp, one.linkages, one.ended) != (stamp, linkages, ended):
-                break
-            fit.append(stamp)
-        if not fit:
+        if not self._next:
             return
-        for chosen in product(*(self._segments_of(name, fit) for name in linkages)):
-            segments = dict(zip(linkages, (number for number, _ in chosen), strict=True))
-            yield segments, min((ticks for _, ticks in chosen), key=len)
+        ended, matching = self._next[0].ended, list[int]()
+        for stamp, measurement in zip(stamps.tolist(), self._next, strict=False):
+            expected = measurement.stamp, measurement.linkages, measurement.ended
+            if expected != (stamp, linkages, ended):
+                break
+            matching.append(stamp)
+        if not matching:
+            return
+        for fits in product(*(self._segments_of(name, matching) for name in linkages)):
+            yield _combined(linkages, fits)
 
     def _end_motions(self, linkages: tuple[str, ...], stamp: int) -> None:
         """Ends the motions that end at the next measurement, given the next state."""
@@ -389,16 +421,18 @@ class MeasuredStates(ExpectedStates):
             self._cranks.sources[name].has_ended = True
             self._next = [one.without(name) for one in self._next]
 
-    def _segments_of(self, name: str, fit: list[int]) -> list[tuple[int, list[int]]]:
-        """Returns the segments of a linkage that may begin with stamps, and their stamps."""
-        number, found = self._segments[name], []
-        first, *others = fit
-        ends = [motion.stamp for motion in self._motions[name][number : number + 2]]
+    def _segments_of(self, name: str, stamps: list[int]) -> list[Fit]:
+        """Returns the segments of a linkage that may begin with stamps; the ticks are stamps."""
+        number, fits = self._segments[name], list[Fit]()
+        first, *others = stamps
+        next_begins = [motion.stamp for motion in self._motions[name][number : number + 2]]
         # If a bag is looped, the stamp at which gravity changes occurs again.
-        if [first] == ends[:1]:
-            found.append((number + 1, [first, *takewhile(lambda x: x not in ends[1:], others)]))
-        found.append((number, [first, *takewhile(lambda x: x not in ends[:1], others)]))
-        return found
+        if next_begins and first == next_begins[0]:
+            own = takewhile(lambda x: x not in next_begins[1:], others)
+            fits.append(Fit(number + 1, [first, *own]))
+        own = takewhile(lambda x: x not in next_begins[:1], others)
+        fits.append(Fit(number, [first, *own]))
+        return fits
 
     def coordinates(
         self, linkage: str, number: int, stamps: list[int], _: Rows, forces: Forces
@@ -406,11 +440,14 @@ class MeasuredStates(ExpectedStates):
         """Returns the coordinates of the next measurements; see `ExpectedStates`."""
         gravity = self._motions[linkage][number - 1].gravity if number else None
         crank = cast('MeasuredCrank', self._cranks.sources[linkage])
-        now, ahead = (
-            x and x._replace(conditions=Conditions(gravity, x.conditions.frame, forces))
-            for x in crank.stacked([one.coordinates[linkage] for one in self._next[: len(stamps)]])
-        )
-        return cast('Coordinates', now), ahead
+        measured = [one.coordinates[linkage] for one in self._next[: len(stamps)]]
+        now, ahead = crank.stacked(measured)
+
+        def under(coordinates: Coordinates) -> Coordinates:
+            conditions = Conditions(gravity, coordinates.conditions.frame, forces)
+            return coordinates._replace(conditions=conditions)
+
+        return under(now), under(ahead) if ahead else None
 
     def cross_gap(self) -> bool:
         """Returns False, because later states depend on all measurements; see `ExpectedStates`."""

@@ -65,10 +65,11 @@ class LoggedForces:
             first: Number of the states before them, not less than in earlier calls.
             elapsed: Time of each state, ns.
         """
-        return {
-            name: {**forces, **{x.source.name: x.at(first, elapsed) for x in self._of[name]}}
-            for name, forces in self._default.items()
-        }
+        forces = dict[str, Forces]()
+        for linkage, default in self._default.items():
+            received = {load.source.name: load.at(first, elapsed) for load in self._of[linkage]}
+            forces[linkage] = {**default, **received}
+        return forces
 
 
 class _Heard:
@@ -94,16 +95,24 @@ class _Heard:
 
     def at(self, first: int, elapsed: Sequence[int]) -> tuple[Array, Array]:
         """Returns the forces in states; see `LoggedForces.at`."""
-        if past := bisect_right(self._states, first - 1) - 1:
-            for row in (self._states, self._times, self._forces):
-                del row[: max(past, 0)]
-        held, found = self.source.held, []
-        for i, now in enumerate(elapsed):
-            last = bisect_right(self._states, first + i) - 1
-            if last >= 0 and self._states[last] == first + i:
+        self._forget_before(first)
+        timing, forces = self.source.held, []
+        for state, now in enumerate(elapsed, first):
+            last = bisect_right(self._states, state) - 1  # the last force received so far
+            if last < 0:
+                forces.append(timing.default)
+                continue
+            if self._states[last] == state:
                 self._times[last] = now
-            begin = self._times[last] if last >= 0 else None
-            is_active = begin is not None and held.acts(now - begin)
-            found.append(self._forces[last] if is_active else held.default)
-        x, y = np.array(found).T
+            begin = self._times[last]
+            is_active = begin is not None and timing.acts(now - begin)
+            forces.append(self._forces[last] if is_active else timing.default)
+        x, y = np.array(forces).T
         return x, y
+
+    def _forget_before(self, first: int) -> None:
+        """Removes the forces that no state from `first` on can have."""
+        past = bisect_right(self._states, first - 1) - 1
+        if past > 0:
+            for row in (self._states, self._times, self._forces):
+                del row[:past]

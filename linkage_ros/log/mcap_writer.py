@@ -181,6 +181,7 @@ class McapWriter:
         self._file.flush()
 
     def _end_chunk(self) -> None:
+        """Writes the current chunk and its message indexes, and begins a new one."""
         data, statistics = b''.join(self._parts), self.statistics
         start, end = min(self._times), max(self._times)
         if statistics.chunk_count:
@@ -193,19 +194,21 @@ class McapWriter:
             compression='zstd', data=zstandard.compress(data), message_start_time=start,
             message_end_time=end, uncompressed_crc=zlib.crc32(data), uncompressed_size=len(data),
         )  # fmt: skip
-        at, places = self._offset, dict[int, int]()
+        chunk_start = self._offset
         self._write(_encoded(chunk))
-        index_at = self._offset
+        chunk_end = self._offset
+        index_starts = dict[int, int]()
         for channel, entries in self._index.items():
-            places[channel], size = self._offset, sum(map(len, entries))
+            index_starts[channel] = self._offset
+            size = sum(map(len, entries))
             head = _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size)
             self._write(b''.join((head, *entries)))
         self._chunks.add(
             ChunkIndex(
-                chunk_length=index_at - at, chunk_start_offset=at, compression='zstd',
-                compressed_size=len(chunk.data), message_end_time=end, message_start_time=start,
-                message_index_length=self._offset - index_at, message_index_offsets=places,
-                uncompressed_size=len(data),
+                chunk_length=chunk_end - chunk_start, chunk_start_offset=chunk_start,
+                compression='zstd', compressed_size=len(chunk.data), message_end_time=end,
+                message_start_time=start, message_index_length=self._offset - chunk_end,
+                message_index_offsets=index_starts, uncompressed_size=len(data),
             )
         )  # fmt: skip
         self._begin_chunk()
@@ -218,7 +221,7 @@ class McapWriter:
         """
         self.flush()
         self._write(_encoded(DataEnd(self._checksum)))
-        start, statistics, checksum = self._offset, self.statistics, 0
+        summary_start, statistics, checksum = self._offset, self.statistics, 0
         statistics.schema_count, statistics.channel_count = len(self.schemas), len(self.channels)
         groups: dict[int, Iterable[bytes]] = {
             Opcode.SCHEMA: map(_encoded, self.schemas.values()),
@@ -226,16 +229,16 @@ class McapWriter:
             Opcode.STATISTICS: [_encoded(statistics)], Opcode.CHUNK_INDEX: self._chunks,
             Opcode.ATTACHMENT_INDEX: self._attachments, Opcode.METADATA_INDEX: self._metadata,
         }  # fmt: skip
-        offsets = list[SummaryOffset]()
+        group_offsets = list[SummaryOffset]()
         for opcode, parts in groups.items():
-            at = self._offset
-            for data in parts:
-                self._write(data)
+            start = self._offset
+            for part in parts:
+                self._write(part)
                 self._file.flush()
-                checksum = zlib.crc32(data, checksum)
-            offsets.append(SummaryOffset(opcode, at, self._offset - at))
-        footer, data = Footer(start, self._offset, 0), _encoded(*offsets)
+                checksum = zlib.crc32(part, checksum)
+            group_offsets.append(SummaryOffset(opcode, start, self._offset - start))
+        footer, offsets = Footer(summary_start, self._offset, 0), _encoded(*group_offsets)
         # The checksum covers the summary and the footer up to the checksum.
-        footer.summary_crc = zlib.crc32(data + _encoded(footer)[:-4], checksum)
-        self._write(data + _encoded(footer) + MCAP0_MAGIC)
+        footer.summary_crc = zlib.crc32(offsets + _encoded(footer)[:-4], checksum)
+        self._write(offsets + _encoded(footer) + MCAP0_MAGIC)
         self._file.flush()

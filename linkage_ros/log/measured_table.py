@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from decimal import Decimal
+from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
@@ -73,28 +74,25 @@ class MeasuredTable:
         Raises:
             LogError: A time is not valid, or a line is too long; all rows before it were yielded.
         """
-        batch, size, number = list[BagMessage](), 0, 0
+        bytes_read, number = 0, 0
         with open_file(self.path) as stream:
             rows = self._rows(stream)
-            next(rows)
-            while True:
-                problem = None
+            next(rows)  # the names
+            is_complete = False
+            while not is_complete:
+                batch, problem = list[BagMessage](), None
                 try:
-                    for row, number in rows:  # noqa: B007, the number is for errors
+                    for row, number in islice(rows, _BATCH):  # noqa: B007, for errors
                         batch.append(self._message(row))
-                        if len(batch) == _BATCH:
-                            break
                 except ValueError as error:
                     problem = LogError(f'{self.path}, line {number}: {error}')
                 if batch:
                     yield batch
-                progress(stream.tell() - size)
-                size = stream.tell()
+                progress(stream.tell() - bytes_read)
+                bytes_read = stream.tell()
                 if problem:
                     raise problem
-                if len(batch) < _BATCH:
-                    return
-                batch = []
+                is_complete = len(batch) < _BATCH
 
     def _message(self, row: list[str]) -> BagMessage:
         """Converts a row to a message.
@@ -109,11 +107,10 @@ class MeasuredTable:
             stamp = -1
         if not 0 <= stamp < TIME_END:
             raise ValueError(f'time = {shown(text)}: must be a number of 0 or more')
-        position, velocity = (
-            _number(row, self._places.get(quantity)) for quantity in ('measured', 'speed')
-        )
-        whole, rest = divmod(stamp, NS_PER_S)
-        data = self._template.pack(whole, rest, position, velocity, float('nan'))
+        position = _number(row, self._places.get('measured'))
+        velocity = _number(row, self._places.get('speed'))
+        seconds, nanoseconds = divmod(stamp, NS_PER_S)
+        data = self._template.pack(seconds, nanoseconds, position, velocity, float('nan'))
         return self.topic, stamp, data
 
     @staticmethod

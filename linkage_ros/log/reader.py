@@ -3,10 +3,9 @@
 """Reads MCAP logs of this package; rejects other files with a one-line error."""
 
 import heapq
+from collections import defaultdict, deque
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -89,6 +88,22 @@ class LoggedTopic(NamedTuple):
     role: str
 
 
+class _Chunk(NamedTuple):
+    """A chunk in the index; a tuple, because the log of a day has hundreds of thousands.
+
+    Attributes:
+        start: First log time of its messages, ns.
+        end: Last log time, ns.
+        offset: Offset in the file.
+        channels: Numbers of the channels; may be empty in files of other writers.
+    """
+
+    start: int
+    end: int
+    offset: int
+    channels: tuple[int, ...]
+
+
 class LogReader:
     """Reads a complete log of this package; opens the file only while it reads.
 
@@ -138,22 +153,24 @@ class LogReader:
         statistics = summary[Statistics][-1]
         self._read_metadata(file, summary[MetadataIndex], statistics.message_count)
         self._read_topics(summary, statistics)
-        # First and last time, offset and channels of each chunk. Tuples save memory, because the
-        # log of a day has hundreds of thousands of chunks.
         self._chunks = [
-            (c.message_start_time, c.message_end_time, c.chunk_start_offset,
-             tuple(c.message_index_offsets))
-            for c in summary[ChunkIndex]
-        ]  # fmt: skip
-        self._count, self.start, self.end = (
-            statistics.message_count, statistics.message_start_time, statistics.message_end_time
-        )  # fmt: skip
-        if (
-            statistics.chunk_count != len(self._chunks)
-            or statistics.channel_count != len(self.topics)
-            or len(self._roles) < sum(bool(topic.role) for topic in self.topics)
-            or (self._count and not self._chunks)
-        ):
+            _Chunk(
+                index.message_start_time,
+                index.message_end_time,
+                index.chunk_start_offset,
+                tuple(index.message_index_offsets),
+            )
+            for index in summary[ChunkIndex]
+        ]
+        self._count = statistics.message_count
+        self.start, self.end = statistics.message_start_time, statistics.message_end_time
+        is_complete = (
+            statistics.chunk_count == len(self._chunks)
+            and statistics.channel_count == len(self.topics)
+            and (bool(self._chunks) or not self._count)
+        )
+        repeats_role = len(self._roles) < sum(bool(topic.role) for topic in self.topics)
+        if not is_complete or repeats_role:
             raise LogError('it is damaged: its index leaves out parts of it, or repeats a role')
         if not self.start <= self.end < TIME_END:
             raise LogError(f'its times, {self.start} to {self.end} ns, are not valid ROS times')
@@ -171,38 +188,52 @@ class LogReader:
         Raises:
             LogError: The records do not match the index, or there is no configuration.
         """
-        records = [file.content(index.offset) for index in indexes]
-        # The summary's checksum protects the index, but not the names of the records.
-        if [record.name for record in records] != [index.name for index in indexes]:
-            raise LogError('it is damaged: its metadata records do not match its index')
-
-        def named(name: str) -> list[dict[str, str]]:
-            return [record.metadata for record in records if record.name == name]
-
-        about = named(CONFIGURATION_RECORD)
-        if len(about) != 1:
+        records = defaultdict[str, list[dict[str, str]]](list)
+        for index in indexes:
+            record = file.content(index.offset)
+            # The summary's checksum protects the index, but not the names of the records.
+            if record.name != index.name:
+                raise LogError('it is damaged: its metadata records do not match its index')
+            records[record.name].append(record.metadata)
+        configurations = records[CONFIGURATION_RECORD]
+        if len(configurations) != 1:
             raise LogError(
-                f'it is not a log of linkage_ros: it has {len(about)} configuration records '
-                'instead of one; linkage_log csv and linkage_record --measured read bags of other '
-                'programs'
+                f'it is not a log of linkage_ros: it has {len(configurations)} configuration '
+                'records instead of one; linkage_log csv and linkage_record --measured read bags '
+                'of other programs'
             )
-        self.version, self.configuration = decode_configuration(about[0])
-        self.has_old_names = has_old_names(about[0])
-        kind = self.configuration.drive_kind.segment
-        found = {linkage.name: list[Segment]() for linkage in self.configuration.linkages}
-        for fields in named(MOTION_RECORD):
-            segment, linkage = decode_motion(fields, kind), fields.get(LINKAGE, '')
-            if linkage not in found:
-                raise LogError('it is damaged: a motion record names no linkage of the run')
-            found[linkage].append(segment)
-        self.motions = {linkage: tuple(segments) for linkage, segments in found.items()}
-        linkage_ends = map(partial(decode_end, LinkageEnd), reversed(named(LINKAGE_END_RECORD)))
-        self.linkage_ends = {end.linkage: end for end in linkage_ends}
-        self.torque_ends = tuple(map(partial(decode_end, TorqueEnd), named(TORQUE_END_RECORD)))
-        ends = named(END_RECORD)
-        self.lost = int(unseal(ends[0])['messages']) - messages if ends else None
-        self.dropped = sum(decode_gap(fields).dropped for fields in named(GAP_RECORD))
+        (configuration,) = configurations
+        self.version, self.configuration = decode_configuration(configuration)
+        self.has_old_names = has_old_names(configuration)
+        self.motions = self._decoded_motions(records[MOTION_RECORD])
+        self.linkage_ends = dict[str, LinkageEnd]()
+        for fields in records[LINKAGE_END_RECORD]:
+            end = decode_end(LinkageEnd, fields)
+            self.linkage_ends.setdefault(end.linkage, end)
+        self.torque_ends = tuple(decode_end(TorqueEnd, x) for x in records[TORQUE_END_RECORD])
+        self.lost = None
+        if records[END_RECORD]:
+            self.lost = int(unseal(records[END_RECORD][0])['messages']) - messages
+        self.dropped = sum(decode_gap(fields).dropped for fields in records[GAP_RECORD])
         self._gaps = [index.offset for index in indexes if index.name == GAP_RECORD]
+
+    def _decoded_motions(
+        self, records: Sequence[dict[str, str]]
+    ) -> dict[str, tuple[Segment, ...]]:
+        """Returns the segments of motion of each linkage, in order.
+
+        Raises:
+            LogError: A record names an unknown linkage.
+        """
+        kind = self.configuration.drive_kind.segment
+        motions = {linkage.name: list[Segment]() for linkage in self.configuration.linkages}
+        for fields in records:
+            linkage = fields.get(LINKAGE, '')
+            segment = decode_motion(fields, kind)
+            if linkage not in motions:
+                raise LogError('it is damaged: a motion record names no linkage of the run')
+            motions[linkage].append(segment)
+        return {linkage: tuple(segments) for linkage, segments in motions.items()}
 
     def _read_topics(self, summary: Mapping[type, list[Any]], statistics: Statistics) -> None:
         """Reads the channels.
@@ -248,32 +279,44 @@ class LogReader:
         """
         channels = {t.number for t in self.topics if topics is None or t.name in topics}
         times = range(start or 0, TIME_END if end is None else end)
-        chunks = sorted(
-            (first, place, last)
-            for first, last, place, held in self._chunks
-            if (end is None or first < end) and last >= times.start
-            and not channels.isdisjoint(held or channels)
-        )  # fmt: skip
+        chunks = [
+            chunk
+            for chunk in self._chunks
+            if (end is None or chunk.start < end)
+            and chunk.end >= times.start
+            and not channels.isdisjoint(chunk.channels or channels)
+        ]
+        chunks.sort(key=lambda chunk: (chunk.start, chunk.offset))
         # Messages not yet yielded, because messages of the next chunk may precede them. They are
         # sorted by time, chunk and offset.
-        queue, waiting = list[tuple[int, int, int, LoggedMessage]](), 0
+        queue, queue_size = list[tuple[int, int, int, LoggedMessage]](), 0
         with mcap_file(self.path, _remedy) as file:
-            for (first, place, last), (due, *_) in pairwise([*chunks, (TIME_END, 0, 0)]):
-                data = file.content(place)
-                for opcode, _, at, behind in records(data):
-                    if opcode == Opcode.MESSAGE:
-                        message = self._message(data, at, behind)
-                        if not first <= message.time <= last:
-                            raise LogError('it is damaged: its index has wrong times for a chunk')
-                        if message.channel in channels and message.time in times:
-                            heapq.heappush(queue, (message.time, place, at, message))
-                            waiting += len(message.data) + _OVERHEAD
-                    if waiting > _MOST_WAITING:
+            for i, chunk in enumerate(chunks):
+                for offset, message in self._messages_in(file, chunk):
+                    if message.channel in channels and message.time in times:
+                        heapq.heappush(queue, (message.time, chunk.offset, offset, message))
+                        queue_size += len(message.data) + _OVERHEAD
+                    if queue_size > _MOST_WAITING:
                         raise LogError('too many of its chunks overlap in time to be sorted')
-                while queue and queue[0][0] < due:
+                next_start = chunks[i + 1].start if i + 1 < len(chunks) else TIME_END
+                while queue and queue[0][0] < next_start:
                     *_, message = heapq.heappop(queue)
-                    waiting -= len(message.data) + _OVERHEAD
+                    queue_size -= len(message.data) + _OVERHEAD
                     yield message
+
+    def _messages_in(self, file: McapFile, chunk: _Chunk) -> Iterator[tuple[int, LoggedMessage]]:
+        """Yields the messages of a chunk, with their offsets in it.
+
+        Raises:
+            LogError: A message is outside the times of the chunk.
+        """
+        data = file.content(chunk.offset)
+        for opcode, _, start, end in records(data):
+            if opcode == Opcode.MESSAGE:
+                message = self._message(data, start, end)
+                if not chunk.start <= message.time <= chunk.end:
+                    raise LogError('it is damaged: its index has wrong times for a chunk')
+                yield start, message
 
     def rows(
         self,
@@ -295,41 +338,49 @@ class LogReader:
         Raises:
             LogError: The file is damaged.
         """
-        found, gaps = 0, sorted(self._gaps, reverse=True)
+        message_count = 0
         layout, channels = layouts.of(layouts.names), {*layouts.channels.values()}
         with mcap_file(self.path, _remedy) as file:
-            for place in sorted(place for _, _, place, _ in self._chunks):
-                while gaps and gaps[-1] < place:
-                    gaps.pop()
-                    gap()
-                data = file.content(place)
+            for data in self._chunk_data(file, gap):
                 at = 0
                 while at < len(data):
                     if count := layout.count(data, at):
                         rows = data[at : at + count * layout.size]
-                        found += count * len(layout.channels)
+                        message_count += count * len(layout.channels)
                         at += len(rows)
                         yield layout, rows
                         continue
                     opcode, _, start, end = next(records(data, at))
-                    if opcode == Opcode.MESSAGE:
-                        message = self._message(data, start, end)
-                        is_zero = (message.channel, message.time) in self._zeros
-                        is_of_state = message.channel in channels and not is_zero
-                        next_layout = layouts.at(data, at) if is_of_state else None
-                        if next_layout and next_layout.count(data, at):
-                            layout = next_layout
-                            continue
-                        found += 1
-                        if is_of_state:
-                            times = message.time, message.published
-                            yield layout, message_record(message.channel, times, message.data)
-                        else:
-                            other(message)
+                    if opcode != Opcode.MESSAGE:
+                        at = end
+                        continue
+                    message = self._message(data, start, end)
+                    is_zero = (message.channel, message.time) in self._zeros
+                    is_of_state = message.channel in channels and not is_zero
+                    next_layout = layouts.at(data, at) if is_of_state else None
+                    if next_layout and next_layout.count(data, at):
+                        layout = next_layout
+                        continue
+                    message_count += 1
                     at = end
-            if found != self._count:  # a damaged opcode, which no checksum protects, hides records
+                    if is_of_state:
+                        times = message.time, message.published
+                        yield layout, message_record(message.channel, times, message.data)
+                    else:
+                        other(message)
+            # A damaged opcode, which no checksum protects, hides records.
+            if message_count != self._count:
                 raise LogError('it is damaged: its number of messages does not match its summary')
             file.check_data()
+
+    def _chunk_data(self, file: McapFile, gap: Callable[[], object]) -> Iterator[bytes]:
+        """Yields the records of each chunk in the order of the file; see `rows` for `gap`."""
+        gaps = deque(sorted(self._gaps))
+        for offset in sorted(chunk.offset for chunk in self._chunks):
+            while gaps and gaps[0] < offset:
+                gaps.popleft()
+                gap()
+            yield file.content(offset)
 
     def _message(self, data: bytes, start: int, end: int) -> LoggedMessage:
         """Parses a message record of a chunk.

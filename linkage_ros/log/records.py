@@ -226,13 +226,15 @@ def decode_motion(record: Mapping[str, str], kind: type[Segment]) -> Segment:
         ValueError: A value is malformed or too large. Unknown or missing fields may raise other
             exceptions.
     """
-    texts, found = unseal(record), {}
+    texts, values = unseal(record), {}
     texts.pop(LINKAGE, '')
+    # The field of each name in records, and the function that parses its text.
     parsers = {_NAMES.get(name, name): (name, parse) for name, parse in _parsers(kind).items()}
-    for key, text in texts.items():
-        name, parse = parsers[key]
-        found[name] = value = parse(text)
+    for logged_name, text in texts.items():
+        name, parse = parsers[logged_name]
+        value = parse(text)
         largest = _LARGEST.get(type(value))
         if largest and not abs(value) <= largest:
             raise ValueError(f'{name} = {text}: must be at most {largest:g}')
-    return kind(**found)
+        values[name] = value
+    return kind(**values)

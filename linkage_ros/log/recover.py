@@ -124,28 +124,38 @@ class _Copy:
             LogError: The decompressed log would be too large, the log has no configuration, or the
                 new log cannot be written.
         """
-        file, places, damaged = self._file, 0, 0
-        while True:
-            try:
-                for _, start, end in file.records():
-                    self._take(file.content(start))
-                    progress(end - start)
-                break
-            except Exception:  # on damaged data the parser may raise any exception
-                if file.left < 0 or self._new.file.stream.closed:
-                    raise
-                start, file.at = file.at, file.next_place(file.at + 1)
-                self._new.write_gap(Gap(0))
-                places += 1
-                damaged += file.at - start
-                progress(file.at - start)
+        file, damaged_places, damaged_bytes = self._file, 0, 0
+        while not self._copy_records(progress):
+            start, file.at = file.at, file.next_place(file.at + 1)
+            self._new.write_gap(Gap(0))
+            damaged_places += 1
+            damaged_bytes += file.at - start
+            progress(file.at - start)
         if not self._is_configured:
             raise LogError(NO_CONFIGURATION)
-        found = self._new.mcap.statistics
+        statistics = self._new.mcap.statistics
         # Without an end record, verification says that states may be missing.
-        self._new.has_end = found.message_count == self._logged
-        duration = (found.message_end_time - found.message_start_time) / NS_PER_S
-        return Recovered(found.message_count, duration, places, damaged, self._unknown)
+        self._new.has_end = statistics.message_count == self._logged
+        duration = (statistics.message_end_time - statistics.message_start_time) / NS_PER_S
+        return Recovered(
+            statistics.message_count, duration, damaged_places, damaged_bytes, self._unknown
+        )
+
+    def _copy_records(self, progress: Callable[[int], object]) -> bool:
+        """Copies records up to a damaged one; returns whether there is none.
+
+        Raises:
+            LogError: As for `run`.
+        """
+        try:
+            for _, start, end in self._file.records():
+                self._take(self._file.content(start))
+                progress(end - start)
+        except Exception:  # on damaged data the parser may raise any exception
+            if self._file.left < 0 or self._new.file.stream.closed:
+                raise
+            return False
+        return True
 
     def _take(self, content: object) -> None:
         """Copies the content of a record, as returned by `McapFile.content`.
@@ -159,17 +169,28 @@ class _Copy:
             self._take_chunk(content)
         elif isinstance(content, Attachment):
             mcap.add_attachment(content)
-        elif isinstance(content, Metadata) and content.name == END_RECORD:
-            self._logged = int(unseal(content.metadata)['messages'])
         elif isinstance(content, Metadata):
-            is_named = content.name in _COPIED
-            if is_named or CHECKSUM in content.metadata:
-                unseal(content.metadata)
-                is_second = self._is_configured and content.name == CONFIGURATION_RECORD
-                if is_second or not is_named:
-                    raise ValueError('the name of a record is damaged')
+            if content.name == END_RECORD:
+                self._logged = int(unseal(content.metadata)['messages'])
+                return
+            self._check_metadata(content)
             self._is_configured |= content.name == CONFIGURATION_RECORD
             mcap.add_metadata(content)
+
+    def _check_metadata(self, record: Metadata) -> None:
+        """Checks a record that a run of this package may have written; accepts others.
+
+        Raises:
+            LogError: The record is damaged.
+            ValueError: Its name is damaged, or it is a second configuration.
+        """
+        is_known = record.name in _COPIED
+        if not is_known and CHECKSUM not in record.metadata:
+            return  # the record of another program
+        unseal(record.metadata)
+        is_second = self._is_configured and record.name == CONFIGURATION_RECORD
+        if is_second or not is_known:
+            raise ValueError('the name of a record is damaged')
 
     def _take_chunk(self, data: bytes) -> None:
         """Copies the channels of a chunk and its messages, unless their channels are unknown.
@@ -198,11 +219,12 @@ class _Copy:
         if not is_kept.all():
             spans = compress(pairwise(starts), is_kept.tolist())
             data = b''.join(data[start:end] for start, end in spans)
-        kept, sizes = heads[is_kept], np.diff(starts)[is_kept]
-        offsets = new.position + np.cumsum(sizes) - sizes
-        entries = np.column_stack([kept['time'], offsets.astype(np.uint64)])
-        index = {n: entries[kept['channel'] == n] for n in numbers if n in new.channels}
-        new.add_records(data, kept['time'], index)
+        times, channels = heads['time'][is_kept], heads['channel'][is_kept]
+        sizes = np.diff(starts)[is_kept]
+        offsets = new.position + np.cumsum(sizes) - sizes  # in the new chunk
+        entries = np.column_stack([times, offsets.astype(np.uint64)])
+        index = {n: entries[channels == n] for n in numbers if n in new.channels}
+        new.add_records(data, times, index)
         new.flush()
 
     def _declare_spare(self, number: int) -> None:

@@ -108,12 +108,13 @@ class RowLayout(Template):
             size = Template(templates.parts[topic]).size
             self.channels.append(channel)
             self._ends.append(self._ends[-1] + MESSAGE_HEAD.size + size)
-            head = message_record(channel, (0, 0), bytes(size))[:_CONSTANT]
-            parts += [head, *_TIMES, *templates.parts[topic]]
-            patterns.append(re.escape(head) + b'.{%d}' % (MESSAGE_HEAD.size - _CONSTANT + size))
+            constant_head = message_record(channel, (0, 0), bytes(size))[:_CONSTANT]
+            parts += [constant_head, *_TIMES, *templates.parts[topic]]
+            variable_size = MESSAGE_HEAD.size - _CONSTANT + size
+            patterns.append(re.escape(constant_head) + b'.{%d}' % variable_size)
         super().__init__(parts, [*(field.name for field in _TIMES), *templates.names])
         self.starts, self.times = self._ends[:-1], self.places[0]
-        self._whole = re.compile(b'(?:%b)*' % b''.join(patterns), re.DOTALL)
+        self._whole_rows = re.compile(b'(?:%b)*' % b''.join(patterns), re.DOTALL)
 
     def rows(
         self, times: npt.ArrayLike, stamps: npt.ArrayLike, numbers: Sequence[Real]
@@ -143,16 +144,18 @@ class RowLayout(Template):
         """
         count, size = len(messages), self.size
         rows = bytearray(self._blank * count)
-        into = np.frombuffer(rows, np.uint8).reshape(count, size)
-        data = np.frombuffer(b''.join(messages), np.uint8).reshape(count, -1)
-        both_times = np.array(times, np.uint64).reshape(count, 1)
-        begin = 0  # of the next message in `data`
+        bytes_of_rows = np.frombuffer(rows, np.uint8).reshape(count, size)
+        bodies = np.frombuffer(b''.join(messages), np.uint8).reshape(count, -1)
+        time_of_each = np.array(times, np.uint64).reshape(count, 1)
+        body_start = 0  # of the next message in `bodies`
         for start, end in pairwise(self._ends):
-            body = start + MESSAGE_HEAD.size
-            into[:, body:end] = data[:, begin : begin + end - body]
-            begin += end - body
-            in_head = np.ndarray((count, 2), '<u8', rows, start + _CONSTANT, strides=(size, 8))
-            in_head[:] = both_times
+            start_in_row = start + MESSAGE_HEAD.size
+            body_end = body_start + end - start_in_row
+            bytes_of_rows[:, start_in_row:end] = bodies[:, body_start:body_end]
+            body_start = body_end
+            # Log and publish time, which follow the constant part of the head.
+            both_times = np.ndarray((count, 2), '<u8', rows, start + _CONSTANT, strides=(size, 8))
+            both_times[:] = time_of_each
         return rows
 
     def fitting(self, records: bytes | bytearray) -> int:
@@ -170,8 +173,8 @@ class RowLayout(Template):
         Returns:
             The number of complete rows from that offset on.
         """
-        found = self._whole.match(data, at)
-        return (found.end() - at) // self.size if found else 0
+        match = self._whole_rows.match(data, at)
+        return (match.end() - at) // self.size if match else 0
 
 
 class RowLayouts:
@@ -218,13 +221,14 @@ class RowLayouts:
         Returns:
             The layout; None if no message of the row is of one linkage alone.
         """
-        seen, found = set[int](), set[str | None]()
+        channels, owners = set[int](), set[str | None]()
         while at + MESSAGE_HEAD.size <= len(data):
             opcode, size, channel, *_ = MESSAGE_HEAD.unpack_from(data, at)
-            if opcode != _OPCODE or channel in seen or channel not in self._owners:
+            # A state has one message on each of its channels.
+            if opcode != _OPCODE or channel in channels or channel not in self._owners:
                 break
-            seen.add(channel)
-            found.add(self._owners[channel])
+            channels.add(channel)
+            owners.add(self._owners[channel])
             at += _OPCODE_AND_LENGTH + size
-        names = tuple(name for name in self.names if name in found)
+        names = tuple(name for name in self.names if name in owners)
         return self.of(names) if names else None

@@ -36,6 +36,7 @@ _MESSAGE = struct.Struct('<BQH')  # and the channel of a message
 # Opcode and length of the footer, offsets of the summary and summary offset section, checksum, and
 # magic.
 _FOOTER = struct.Struct('<BQQQI8s')
+_DATA_END = struct.Struct('<BQI')  # opcode, length and checksum
 MAGIC_SIZE = len(MCAP0_MAGIC)
 _KINDS: dict[int, Any] = {
     Opcode.HEADER: mcap_records.Header,
@@ -214,23 +215,33 @@ class McapFile:
             ValueError: There is no valid record at the offset. Damaged data may raise other
                 exceptions.
         """
-        (opcode, body, _), content = self._record(at), None
+        opcode, body, _ = self._record(at)
+        if opcode == Opcode.MESSAGE_INDEX:
+            # Only its length is checked: its entries would take long to parse.
+            if len(body) != 6 + int.from_bytes(body[2:6], 'little'):
+                raise ValueError('the kind or length of a record is wrong')
+            return None
         if opcode == Opcode.CHUNK:
-            content = _unpacked(parsed(opcode, body), self._largest)
-            self.left -= len(content)
-            if self.left < 0:
-                raise LogError(
-                    f'its {self.size} bytes decompress to more than {_FREE + _RATIO * self.size}; '
-                    'if this is intended, run "mcap decompress" first'
-                )
-        elif opcode in _IN_DATA:
-            content = parsed(opcode, body)
-        # The entries of a message index would take long to parse.
-        elif opcode != Opcode.MESSAGE_INDEX or len(body) != 6 + int.from_bytes(
-            body[2:6], 'little'
-        ):
+            return self._decompressed(parsed(opcode, body))
+        if opcode not in _IN_DATA:
             raise ValueError('the kind or length of a record is wrong')
-        return content
+        return parsed(opcode, body)
+
+    def _decompressed(self, chunk: mcap_records.Chunk) -> bytes:
+        """Decompresses a chunk, and limits what the whole file decompresses to.
+
+        Raises:
+            LogError: The chunk is too large, or the file decompresses to too many bytes.
+            ValueError: The chunk is damaged.
+        """
+        data = _unpacked(chunk, self._largest)
+        self.left -= len(data)
+        if self.left < 0:
+            raise LogError(
+                f'its {self.size} bytes decompress to more than {_FREE + _RATIO * self.size}; '
+                'if this is intended, run "mcap decompress" first'
+            )
+        return data
 
     def _record(self, at: int) -> tuple[int, bytes, int]:
         """Reads the opcode, the body and the end offset of the record at an offset.
@@ -286,20 +297,18 @@ class McapFile:
     def check_data(self) -> None:
         """Verifies the checksum of the data section, if it has one.
 
-        It also covers what `part` does not check, such as the message indexes. The file must have
-        a summary section, which follows the data section.
+        It also covers what `content` does not check, such as the message indexes. The file must
+        have a summary section, which follows the data section.
 
         Raises:
             ValueError: The checksum is wrong.
         """
-        _, _, end, *_ = _FOOTER.unpack(self.read(self.size - _FOOTER.size, _FOOTER.size))
-        end, checksum = end - 13, 0
+        _, _, summary_start, *_ = _FOOTER.unpack(self.read(self.size - _FOOTER.size, _FOOTER.size))
+        end, computed = summary_start - _DATA_END.size, 0
         for at in range(0, end, LARGEST):
-            checksum = zlib.crc32(self.read(at, min(LARGEST, end - at)), checksum)
-        # The record after the data: opcode, length and checksum.
-        if struct.unpack('<BQI', self.read(end, 13)) not in {
-            (Opcode.DATA_END, 4, 0), (Opcode.DATA_END, 4, checksum)
-        }:  # fmt: skip
+            computed = zlib.crc32(self.read(at, min(LARGEST, end - at)), computed)
+        opcode, length, checksum = _DATA_END.unpack(self.read(end, _DATA_END.size))
+        if (opcode, length) != (Opcode.DATA_END, 4) or checksum not in {0, computed}:
             raise ValueError('the checksum of its data is wrong')
 
 

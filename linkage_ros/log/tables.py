@@ -131,16 +131,25 @@ class _Table:
     def _columns_of(
         self, names: Sequence[str], sizes: Iterable[tuple[str, int]]
     ) -> Iterator['array[float]']:
-        """Yields the column of each value; values without a unique name are omitted."""
+        """Yields the column of each value in a message.
+
+        A value without a unique name gets a column that is not in the table.
+
+        Args:
+            names: Names of the joints or axes.
+            sizes: Number of values of each quantity; if there are more than names, the last ones
+                have no name.
+        """
         taken = set[str]()
         for quantity, size in sizes:
             for i in range(size):
-                name, column = names[i] if i < len(names) else '', array('d')
-                name += f'.{quantity}' * bool(quantity)
-                if i < len(names) and name not in taken:
-                    column = self.columns.setdefault(name, column)
+                if i >= len(names):
+                    yield array('d')
+                    continue
+                name = f'{names[i]}.{quantity}' if quantity else names[i]
+                is_unique = name not in taken
                 taken.add(name)
-                yield column
+                yield self.columns.setdefault(name, array('d')) if is_unique else array('d')
 
     def complete(self) -> None:
         """Adds the missing values at the end of each column."""
@@ -175,19 +184,19 @@ def read_log(path: Path | str, topic: str | None = None) -> Any:
     Raises:
         LogError: The log cannot be read, or has no such topic.
     """
-    found = {
-        table.topic.name: {
-            't': np.frombuffer(table.stamps, np.int64) / NS_PER_S,
-            **{name: np.frombuffer(column) for name, column in table.columns.items()},
-        }
-        for table in _tables(Bag(path))
-    }
+    tables = {table.topic.name: _arrays(table) for table in _tables(Bag(path))}
     if topic is None:
-        return found
-    if topic not in found:
-        names = ', '.join(sorted(found)) or 'none'
+        return tables
+    if topic not in tables:
+        names = ', '.join(sorted(tables)) or 'none'
         raise LogError(f'{path} has no states or points on {shown(topic)}: choose one of {names}')
-    return found[topic]
+    return tables[topic]
+
+
+def _arrays(table: _Table) -> dict[str, Array]:
+    """Returns the times, s, and the columns of a table."""
+    time = np.frombuffer(table.stamps, np.int64) / NS_PER_S
+    return {'t': time, **{name: np.frombuffer(x) for name, x in table.columns.items()}}
 
 
 def logged_states(path: Path | str, most: int, linkage: str = '') -> LoggedStates:
@@ -209,16 +218,22 @@ def logged_states(path: Path | str, most: int, linkage: str = '') -> LoggedState
     names = [joint.name for joint in joints]
     if '' in names:
         raise LogError(f'{path} lacks a joint: give each joint a name to show the log')
-    table = np.array(
-        [[columns[f'{name}.{quantity}'][:most] for name in names] for quantity in QUANTITIES[:3]]
-    )
+
+    def rows_of(quantity: str) -> list[Array]:
+        return [columns[f'{name}.{quantity}'][:most] for name in names]
+
+    joint_rows = np.array([rows_of(quantity) for quantity in QUANTITIES[:3]])
     driven = own.mechanism.structure().driven
+    time = columns['t'][:most]
     torque = columns[f'{names[driven]}.effort'][:most] * joints[driven].ratio
-    has_state = np.isfinite(table).all(axis=(0, 1))  # of several linkages, others may have one
-    time, torque = columns['t'][:most][has_state], torque[has_state]
-    if not time.size:
+    # Of several linkages, others may have a state where this one has none.
+    has_state = np.isfinite(joint_rows).all(axis=(0, 1))
+    if not has_state.any():
         raise LogError(f'{path} has no states of {linkage or "the linkage"}')
-    return LoggedStates(own, time - time[0], link_rows(joints, table[..., has_state]), torque)
+    time = time[has_state]
+    return LoggedStates(
+        own, time - time[0], link_rows(joints, joint_rows[..., has_state]), torque[has_state]
+    )
 
 
 def write_csv(
@@ -276,22 +291,22 @@ def _points_of(states: _Table, tables: Iterable[_Table]) -> dict[str, Sequence[f
     Returns:
         Columns of x and y; NaN where a point has no message of that stamp.
     """
-    found = dict[str, Sequence[float]]()
+    columns = dict[str, Sequence[float]]()
     if states.topic.role not in {MECHANISM_STATE.role, JOINT_STATES.role}:
-        return found
+        return columns
     for table in tables:
-        linkage, points, name = table.topic.role.rpartition(_POINTS)
-        if not points:
+        linkage, is_points, name = table.topic.role.rpartition(_POINTS)
+        if not is_points:
             continue
-        rows: Iterable[int | None] = range(len(table.stamps))
+        rows: Sequence[int | None] = range(len(table.stamps))
         if table.stamps != states.stamps:  # messages are missing
-            places = {stamp: row for row, stamp in enumerate(table.stamps)}
-            rows = [places.get(stamp) for stamp in states.stamps]
+            row_at = {stamp: row for row, stamp in enumerate(table.stamps)}
+            rows = [row_at.get(stamp) for stamp in states.stamps]
         for axis in 'xy':
             column = table.columns[axis]
             cells = array('d', (math.nan if row is None else column[row] for row in rows))
-            found[f'{linkage}{name}.{axis} [m]'] = cells
-    return found
+            columns[f'{linkage}{name}.{axis} [m]'] = cells
+    return columns
 
 
 def _chosen(source: Path | str, tables: Sequence[_Table], name: str) -> _Table:
@@ -301,20 +316,17 @@ def _chosen(source: Path | str, tables: Sequence[_Table], name: str) -> _Table:
         LogError: There is no such table, or more than one.
     """
     if name:
-        fitting = [table for table in tables if table.topic.name == name]
+        candidates = [table for table in tables if table.topic.name == name]
     else:
-        states, joint_states = (
-            [table for table in tables if table.topic.role == topic.role]
-            for topic in (MECHANISM_STATE, JOINT_STATES)
-        )
-        fitting = states or joint_states or list(tables)
-    if len(fitting) == 1:
-        return fitting[0]
+        states = [table for table in tables if table.topic.role == MECHANISM_STATE.role]
+        joint_states = [table for table in tables if table.topic.role == JOINT_STATES.role]
+        candidates = states or joint_states or list(tables)
+    if len(candidates) == 1:
+        return candidates[0]
     names = ', '.join(sorted(table.topic.name for table in tables))
-    raise LogError(
-        f'{source} has joint states on {names}: give one of these as --topic' if names
-        else f'{source} has no joint states, or its messages are compressed or damaged'
-    )  # fmt: skip
+    if names:
+        raise LogError(f'{source} has joint states on {names}: give one of these as --topic')
+    raise LogError(f'{source} has no joint states, or its messages are compressed or damaged')
 
 
 def _labels(path: Path | str) -> dict[str, str]:

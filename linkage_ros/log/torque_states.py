@@ -62,22 +62,21 @@ class DrivenStates(SegmentStates):
         super().__init__(run, simulator, motions)
         drive: Any = simulator.linkage.drive
         solver, self._motor = simulator.solver, drive.motor
-        self._links = solver.structure.links
+        self._links, self._driven_link = solver.structure.links, solver.structure.driven
         self._names = joint_numbers(simulator.joints)
-        self._own = self._last = DrivenMechanism(
+        self._own = self._last_driven = DrivenMechanism(
             solver, drive.motor.at, conditions=simulator.conditions
         )
         # NumPy's functions: many states are predicted, to a tolerance, not to the bit.
         self._fast = DrivenMechanism(Solver(solver.mechanism), drive.motor.at)
         length = solver.mechanism.crank.length
         self._units = np.array([length if link.slides else 1.0 for link in self._links] * 2)
-        # The previous state, initially that at t = 0.
-        begin = drive.start(solver.mechanism)
-        state, self._driven_link = solver.state(begin.q, begin.u), solver.structure.driven
-        positions = self._with_driven(state.position, begin.unwrapped)
-        self._before = np.array([[*positions, *state.velocity, 0.0]]).T
-        # The components of the forces of live loads in that state.
-        self._push = np.array([[x] for x in simulator.conditions.values])
+        # The previous state, initially that at t = 0, and the components of its live forces.
+        start = drive.start(solver.mechanism)
+        state = solver.state(start.q, start.u)
+        positions = self._with_driven(state.position, start.unwrapped)
+        self._last_state = np.array([[*positions, *state.velocity, 0.0]]).T
+        self._last_forces = np.array([[x] for x in simulator.conditions.values])
 
     def _with_driven(self, positions: Sequence[Any], driven: Any) -> list[Any]:
         """Returns positions of the links, with the position of the driven link replaced."""
@@ -101,8 +100,9 @@ class DrivenStates(SegmentStates):
         solver, link, under = driven.solver, self._driven_link, Conditions(forces=forces)
         table, unwrapped = self._read(rows)
         positions, rates, accelerations, efforts = table
-        self._found = np.array([*self._with_driven(positions, unwrapped), *rates, efforts[link]])
-        self._pushes = np.array([np.broadcast_to(x, len(unwrapped)) for x in under.values])
+        # Kept for `take`: the states as columns, and the components of their live forces.
+        self._states = np.array([*self._with_driven(positions, unwrapped), *rates, efforts[link]])
+        self._forces = np.array([np.broadcast_to(x, len(unwrapped)) for x in under.values])
         moving = solver.structure.indices_of(solver.coordinates)
         q, u, a = (tuple(values[moving]) for values in (positions, rates, accelerations))
         # Use the logged torque of live runs, because it includes commands.
@@ -155,43 +155,54 @@ class DrivenStates(SegmentStates):
         table = np.reshape(columns, (4, len(self._links), -1))
         if not np.isfinite(table).all():
             raise LogError('mechanism_state is not finite')
-        joints = self._simulator.robot_joints
+        joints, link = self._simulator.robot_joints, self._driven_link
+        driven_joint = joints[link]
         is_inexact = is_noisy() and any(joint.is_mapped for joint in joints)
         if is_inexact:
             table[:3] = _rounded_often(table[:3])
-        link = self._driven_link
-        joint = joints[link]
-        crank = joint.own(table[0, link].copy())
+        unwrapped = driven_joint.own(table[0, link].copy())
         if self._own.turns:
-            table[0, link] = [joint.value(within_two_turns(x)[0]) for x in crank.tolist()]
-        table[3, link] *= joint.ratio
+            reduced = [within_two_turns(x)[0] for x in unwrapped.tolist()]
+            table[0, link] = [driven_joint.value(x) for x in reduced]
+        table[3, link] *= driven_joint.ratio
         table[:3] = link_rows(joints, table[:3])
         if is_inexact:
             table[:3] = _rounded_often(table[:3])
-        return table, crank
+        return table, unwrapped
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
         """Checks that states follow from their predecessors; see `SegmentStates`."""
-        driven, found = self._driven, self._found[:, : len(ticks)]
-        found[-1] -= self._motor.at(found[len(self._links) + self._driven_link])
-        origin = np.concatenate([self._before, found[:, :-1]], axis=1)
-        pushes = np.concatenate([self._push, self._pushes], axis=1) if len(self._push) else ()
-        numbers = np.array([max(self._run.tick, 0), *ticks], object)  # of any size
-        late = np.diff(self._simulator.ticks.elapsed(numbers)).astype(float)
-        if not self._run.is_record:  # the plant is paused in longer gaps
-            late[late > self._simulator.ticks.elapsed(1) + CATCH_UP] = 0
-        spans = late / NS_PER_S
-        every = self._conditions([row[: len(ticks)] for row in pushes])
-        follows = self._many_follow(driven, origin, found, spans, every) | (spans > _LONGEST)
+        driven, count = self._driven, len(ticks)
+        states = self._states[:, :count]
+        rates = states[len(self._links) :]
+        states[-1] -= self._motor.at(rates[self._driven_link])  # leaves the added torque
+        previous = np.concatenate([self._last_state, states[:, :-1]], axis=1)
+        # The forces that act after each previous state.
+        forces: Any = ()
+        if len(self._last_forces):
+            forces = np.concatenate([self._last_forces, self._forces], axis=1)
+        spans = self._spans(ticks)
+        under = self._conditions([row[:count] for row in forces])
+        follows = self._many_follow(driven, previous, states, spans, under) | (spans > _LONGEST)
         follows[0] |= self._run.is_after_gap
         for i in map(int, np.flatnonzero(~follows)):
-            one = self._conditions([float(row[i]) for row in pushes])
-            before = replace(driven if i else self._last, conditions=one)
-            if wrong := self._difference(before, origin[:, i], found[:, i], float(spans[i])):
+            conditions = self._conditions([float(row[i]) for row in forces])
+            before = replace(driven if i else self._last_driven, conditions=conditions)
+            wrong = self._difference(before, previous[:, i], states[:, i], float(spans[i]))
+            if wrong:
                 return i, f'it does not follow from the previous state: {wrong}'
-        self._before, self._last = found[:, -1:], driven
-        self._push = self._pushes[:, len(ticks) - 1 : len(ticks)] if len(pushes) else self._push
+        self._last_state, self._last_driven = states[:, -1:], driven
+        if len(self._last_forces):
+            self._last_forces = self._forces[:, count - 1 : count]
         return super().take(number, ticks)
+
+    def _spans(self, ticks: list[int]) -> Array:
+        """Returns the time of motion before each tick, s; the plant is paused in longer gaps."""
+        numbers = np.array([max(self._run.tick, 0), *ticks], object)  # of any size
+        elapsed = np.diff(self._simulator.ticks.elapsed(numbers)).astype(float)
+        if not self._run.is_record:
+            elapsed[elapsed > self._simulator.ticks.elapsed(1) + CATCH_UP] = 0
+        return np.asarray(elapsed / NS_PER_S)
 
     def _conditions(self, components: Sequence[Real]) -> Conditions:
         """Returns conditions from the components of their forces."""
@@ -202,25 +213,33 @@ class DrivenStates(SegmentStates):
     def _many_follow(
         self,
         driven: DrivenMechanism,
-        origin: Array,
-        found: Array,
+        previous: Array,
+        states: Array,
         spans: Array,
         under: Conditions,
     ) -> npt.NDArray[np.bool_]:
-        """Returns which states follow from their predecessors, integrating all at once."""
-        nothing, half = np.zeros(len(spans), bool), len(driven.links)
+        """Returns which states follow from their predecessors, integrating all at once.
+
+        Args:
+            driven: The driven mechanism in the description of the states.
+            previous: The state before each state.
+            states: The states.
+            spans: Times between them, s.
+            under: Conditions of the motions, as arrays.
+        """
+        none, half = np.zeros(len(spans), bool), len(driven.links)
         if not driven.is_own:
-            return nothing
+            return none
         solver = self._fast.described(driven.solver.description).solver
         rows, units = self._rows(driven), np.array(driven.units)[:, None]
-        usual = np.median(np.max(abs(origin[rows[half:]]) / units[half:], axis=0) * spans)
-        steps = int(np.clip(np.ceil(usual / _STEP), *_STEPS))
+        fastest = np.max(abs(previous[rows[half:]]) / units[half:], axis=0)
+        steps = int(np.clip(np.ceil(np.median(fastest * spans) / _STEP), *_STEPS))
 
         def accelerations(*y: Array) -> Any:
-            torque = self._motor.at(y[half]) + origin[-1]
+            torque = self._motor.at(y[half]) + previous[-1]
             return solver.accelerations(y[:half], y[half:], torque, under=under)
 
-        plant, phase = Plant(driven.units, accelerations), tuple(origin[rows])
+        plant, phase = Plant(driven.units, accelerations), tuple(previous[rows])
         error = np.zeros(len(spans))
         try:
             with np.errstate(all='ignore'):  # long steps may overflow
@@ -229,40 +248,44 @@ class DrivenStates(SegmentStates):
                     phase, slope, errors = leap(plant, phase, spans / steps, slope)
                     error = np.maximum(error, np.max(errors, axis=0))
         except LinkageError:  # check the states one by one instead
-            return nothing
-        follows = _agrees(units, origin[rows], np.array(phase), found[rows], spans).all(axis=0)
+            return none
+        predicted = np.array(phase)
+        follows = _agrees(units, previous[rows], predicted, states[rows], spans).all(axis=0)
         follows &= error <= _APART / 10
-        follows[0] &= self._last.solver is driven.solver
+        follows[0] &= self._last_driven.solver is driven.solver
         return follows
 
     def _difference(
-        self, before: DrivenMechanism, origin: Array, found: Array, span: float
+        self, before: DrivenMechanism, previous: Array, state: Array, span: float
     ) -> str:
         """Describes the difference between a state and its prediction from the previous state.
 
         Args:
             before: The driven mechanism in the description of the previous state.
-            origin: The previous state.
-            found: The logged state to check.
+            previous: The previous state.
+            state: The logged state to check.
             span: Time between the two states, s.
 
         Returns:
             The description; empty if the difference is within the tolerance, or if rounding errors
             of the previous state explain it.
         """
-        values = found[:-1]
-        due = self._predicted(before, origin, values, span)
-        wrong = ~_agrees(self._units, origin[:-1], due, values, span)
+        values = state[:-1]
+        due = self._predicted(before, previous, values, span)
+        wrong = ~_agrees(self._units, previous[:-1], due, values, span)
         if wrong.any():
-            nudged = origin + _NUDGE * np.array([*self._units, 0.0])
+            nudged = previous + _NUDGE * np.array([*self._units, 0.0])
             spread = abs(self._predicted(before, nudged, values, span) - due)
-            wrong &= ~(abs(values - due) <= spread)
+            is_explained = abs(values - due) <= spread
+            wrong &= ~is_explained
+        if not wrong.any():
+            return ''
         names = [f'{link.name} {word}' for word in ('position', 'speed') for link in self._links]
         i = int(wrong.argmax())
-        return f'{names[i]} {values[i]:.9g}, expected {due[i]:.9g}' if wrong[i] else ''
+        return f'{names[i]} {values[i]:.9g}, expected {due[i]:.9g}'
 
     def _predicted(
-        self, before: DrivenMechanism, origin: Array, values: Array, span: float
+        self, before: DrivenMechanism, previous: Array, values: Array, span: float
     ) -> Array:
         """Predicts positions and rates from the previous state.
 
@@ -271,30 +294,32 @@ class DrivenStates(SegmentStates):
 
         Args:
             before: The driven mechanism in the description of the previous state.
-            origin: The previous state.
+            previous: The previous state.
             values: Logged positions and rates.
             span: Time between the two states, s.
         """
+        added_torque = float(previous[-1])
         driven = replace(
             before,
-            torque=lambda speed: self._motor.at(speed) + float(origin[-1]),
-            middle=before.arc_middle(float(origin[self._driven_link])),
+            torque=lambda speed: self._motor.at(speed) + added_torque,
+            middle=before.arc_middle(float(previous[self._driven_link])),
         )
-        phase = tuple(origin[self._rows(driven)].tolist())
+        phase = tuple(previous[self._rows(driven)].tolist())
         try:
             steps = live_method(self._own)(driven, phase, tolerance=_TOLERANCE, trials=_TRIALS)
             steps.advance(span)
             driven, half = steps.driven, len(phase) // 2
             state = driven.solver.state(steps.phase[:half], steps.phase[half:])
-            crank = driven.position(steps.phase, steps.pairs)
+            position = driven.position(steps.phase, steps.pairs)
         except LinkageError:
             return np.full(len(values), _NOWHERE)
-        due = np.array([*self._with_driven(state.position, crank), *state.velocity])
+        due = np.array([*self._with_driven(state.position, position), *state.velocity])
         turning = [
             i for i, link in enumerate(self._links) if i != self._driven_link and not link.slides
         ]
         apart = values[turning] - due[turning]
-        due[turning] += apart - wrap(apart, np.rint)
+        whole_turns = apart - wrap(apart, np.rint)
+        due[turning] += whole_turns
         return due
 
 
@@ -323,12 +348,13 @@ def _agrees(
     Returns:
         A boolean for each value.
     """
-    count = len(due) // 2
+    half = len(due) // 2
     # Use the smaller rate, so that a forged rate cannot widen its own tolerance.
-    ends = np.minimum(abs(due[count:]), abs(values[count:]))
-    pace = (np.maximum(abs(before[count:]), ends) / units[count:]).max(axis=0)
-    sizes = units * np.maximum(1.0, pace * span)
-    sizes[count:] *= np.maximum(1.0, pace)
+    rates_at_end = np.minimum(abs(due[half:]), abs(values[half:]))
+    rates = np.maximum(abs(before[half:]), rates_at_end) / units[half:]
+    largest_rate = rates.max(axis=0)
+    sizes = units * np.maximum(1.0, largest_rate * span)
+    sizes[half:] *= np.maximum(1.0, largest_rate)
     allowed = _APART * sizes + 4 * np.spacing(abs(values[0]))  # a crank angle of many turns
     return np.asarray(abs(values - due) <= allowed, bool)
 

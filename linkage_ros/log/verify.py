@@ -13,11 +13,12 @@ log are listed but not compared.
 """
 
 import functools
+import itertools
 import math
 import re
 import struct
 from bisect import bisect_right
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -121,33 +122,52 @@ class Verification:
         self.states, self.missed, self.ulp = 0, 0, 0.0
         self.cut: tuple[str, ...] = ()
         self.stops_at_gap = False
-        self._due = robot.descriptions()
-        own = *robot.templates.topics, *self._due
-        channels = {topic: channel for topic in own if (channel := log.channel(topic))}
+        descriptions = robot.descriptions()
+        # The channel of each topic that can be recomputed and is in the log.
+        recomputed = *robot.templates.topics, *descriptions
+        channels = {topic: channel for topic in recomputed if (channel := log.channel(topic))}
         self.absent = tuple(x.name for x in robot.templates.topics if x not in channels)
         self.compared = tuple(channel.name for channel in channels.values())
         self.others = tuple(c.name for c in log.topics if c not in channels.values())
-        described = {topic: channels.pop(topic, None) for topic in self._due}
-        # The robot_description that is due on a channel.
+        # The robot_description expected on a channel.
         self._descriptions = {
-            channel.number: self._due[topic] for topic, channel in described.items() if channel
+            channels[topic].number: text
+            for topic, text in descriptions.items()
+            if topic in channels
         }
-        self._channels = channels
-        self.difference = ''
-        for name, simulator in robot.simulators.items():
-            difference = check_motions(simulator, log.motions[name])
-            if difference and not self.difference:
-                self.difference = f'{prefix_of(name, ": ")}{difference}'
-        forces = (topic for topics in robot.live_forces().values() for topic in topics)
-        topics = (*own, DIAGNOSTICS, TRAJECTORY_COMMANDS, *robot.inputs(), *forces)
-        schemas = {topic.role: topic.interface for topic in topics}
-        for channel in log.topics:
-            due = schemas.get(channel.role)
+        self._channels = {
+            topic: channel for topic, channel in channels.items() if topic not in descriptions
+        }
+        self.difference = self._wrong_channel() or self._wrong_motion()
+
+    def _wrong_motion(self) -> str:
+        """Describes the first difference in the segments of motion."""
+        for name, simulator in self._robot.simulators.items():
+            difference = check_motions(simulator, self._log.motions[name])
+            if difference:
+                return f'{prefix_of(name, ": ")}{difference}'
+        return ''
+
+    def _wrong_channel(self) -> str:
+        """Describes the last channel whose topic or schema a run would not have."""
+        robot = self._robot
+        forces = itertools.chain.from_iterable(robot.live_forces().values())
+        topics = (
+            *robot.templates.topics,
+            *robot.descriptions(),
+            DIAGNOSTICS,
+            TRAJECTORY_COMMANDS,
+            *robot.inputs(),
+            *forces,
+        )
+        interfaces = {topic.role: topic.interface for topic in topics}
+        wrong = ''
+        for channel in self._log.topics:
+            due = interfaces.get(channel.role)
             layout = due and (due.name, 'cdr', 'ros2msg', due.definition)
             if channel.role and layout != (channel.type, *channel.layout):
-                self.difference = (
-                    f'{channel.name}: no run of this configuration has such a topic or schema'
-                )
+                wrong = f'{channel.name}: no run of this configuration has such a topic or schema'
+        return wrong
 
     def _prepare(self) -> None:
         """Prepares the comparison of states.
@@ -184,29 +204,32 @@ class Verification:
         if self.difference or not any(c.messages for c in self._channels.values()):
             return
         self._prepare()
+        self._compare_log(progress)
+        self._compare_last(progress)
+        if not (self.difference or self.stops_at_gap or self._log.lost):
+            self.difference = self._zeros.missing()
+        self.missed = self._expected.missed
+        self.ulp = max([self.ulp, *(one.ulp for one in self._comparisons.values())])
+
+    def _compare_log(self, progress: Callable[[int], object]) -> None:
+        """Compares the rows of the log in batches, up to a difference or an incomplete state."""
         for layout, records in self._log.rows(
             self._layouts,
             lambda message: self._handle(message, progress),
             lambda: self._cross_gap(progress),
         ):
             if self.difference or self.stops_at_gap:
-                break
+                return
             if layout is not self._layout:
                 self._compare_rows(progress)
                 if self.difference or self._rows:  # the previous state is incomplete
-                    break
+                    return
                 self._layout = layout
             self._rows += records
-            size = layout.size
-            if len(self._rows) >= _BATCH * size:
+            if len(self._rows) >= _BATCH * layout.size:
                 self._compare_rows(progress)
-                if self.difference or len(self._rows) >= size:
-                    break
-        self._compare_last(progress)
-        if not (self.difference or self.stops_at_gap or self._log.lost):
-            self.difference = self._zeros.missing()
-        self.missed = self._expected.missed
-        self.ulp = max([self.ulp, *(one.ulp for one in self._comparisons.values())])
+                if self.difference or len(self._rows) >= layout.size:
+                    return
 
     def _cross_gap(self, progress: Callable[[int], object]) -> None:
         """Compares the states before missing messages, and prepares for those after them."""
@@ -268,50 +291,56 @@ class Verification:
             The number of equal states, and a description of the error in the next state. The
             description is empty if the next state was not compared.
         """
+        stamps = self._layout.stamps(rows)
+        count, problem = 0, self._wrong_linkages(int(stamps[0]))
+        if not problem:
+            count, problem = self._compare_in_segments(rows, stamps)
+        if problem:
+            problem = f'state {self.states + count + 1}, stamp {stamps[count]} ns: {problem}'
+        return count, problem
+
+    def _compare_in_segments(self, rows: bytes, stamps: npt.NDArray[np.int64]) -> tuple[int, str]:
+        """Compares rows with the states of each segment that they fit; see `_compare`."""
         layout = self._layout
-        stamps, count = layout.stamps(rows), 0
-        wrong = self._wrong_linkages(int(stamps[0]))
-        for segments, ticks in () if wrong else self._expected.fitting(layout.linkages, stamps):
+        first_problem = ''
+        for segments, ticks in self._expected.fitting(layout.linkages, stamps):
             logged = rows[: len(ticks) * layout.size]
-            again = functools.partial(
+            recompute = functools.partial(
                 self._recompute, segments, stamps[: len(ticks)].tolist(), Rows(layout, logged)
             )
             try:
-                parts, made = again()
+                parts, recomputed = recompute()
             except LinkageError as error:
                 if len(ticks) > 1:  # bisect to find the first invalid state
-                    return self._compare(rows[: len(ticks) // 2 * layout.size])
-                wrong = wrong or str(error)
+                    half = len(ticks) // 2
+                    return self._compare_in_segments(rows[: half * layout.size], stamps[:half])
+                first_problem = first_problem or str(error)
                 continue
-            count, difference = self._comparison.compare(logged, made, again)
-            wrong = wrong or difference
+            count, difference = self._comparison.compare(logged, recomputed, recompute)
             if count:
-                count, wrong = self._expected.take(segments, ticks[:count], parts)
+                count, problem = self._expected.take(segments, ticks[:count], parts)
                 self._zeros.take(layout, rows[: count * layout.size])
-                break
-        else:
-            wrong = wrong or (
-                'no tick or measurement that can come next has this stamp; earlier states may be '
-                'lost, because a record has one at every tick'
-            )
-        if wrong:
-            wrong = f'state {self.states + count + 1}, stamp {stamps[count]} ns: {wrong}'
-        return count, wrong
+                return count, problem
+            first_problem = first_problem or difference
+        return 0, first_problem or (
+            'no tick or measurement that can come next has this stamp; earlier states may be '
+            'lost, because a record has one at every tick'
+        )
 
     def _wrong_linkages(self, stamp: int) -> str:
         """Describes a linkage that the states lack from a stamp on, or hold, without a reason."""
         if not self._expected.needs_motion:
             return ''  # measurements are the reason
-        held, ended = {*self._layout.linkages}, {*self._log.linkage_ends}
+        present, ended = {*self._layout.linkages}, {*self._log.linkage_ends}
         for name in self._robot.names:
-            if name not in held and name not in ended:
+            if name in present:
+                if name in self._gone:
+                    return f'{name} reappears after its motion ended'
+            elif name not in ended:
                 return f'{name} is missing, but no record says that its motion ended'
-            is_first = name not in held and name not in self._gone
-            if is_first and not self._expected.has_ended(name, stamp):
+            elif name not in self._gone and not self._expected.has_ended(name, stamp):
                 return f'{name} is missing, but its motion continues'
-            if name in held and name in self._gone:
-                return f'{name} reappears after its motion ended'
-        self._gone |= {*self._robot.names} - held
+        self._gone |= {*self._robot.names} - present
         return ''
 
     @property
@@ -370,15 +399,19 @@ def _description_ulp(logged: bytes, due: bytes) -> float:
     text, urdf = (data[start:].rstrip(b'\0').decode(errors='replace') for data in (logged, due))
     if encode_string(text) != logged or _POSITION.sub('', text) != _POSITION.sub('', urdf):
         return math.inf
-    ulp = 0.0
-    for found, made in zip(_POSITION.findall(text), _POSITION.findall(urdf), strict=True):
-        if found != made:
-            numbers, right = [float(word) for word in found], [float(word) for word in made]
-            if text_of(*numbers) != ' '.join(found):
-                return math.inf
-            off = max(abs(x - y) for x, y in zip(numbers, right, strict=True))
-            ulp = max(ulp, off / math.ulp(max(map(abs, right))))
-    return ulp
+    positions = zip(_POSITION.findall(text), _POSITION.findall(urdf), strict=True)
+    return max((_position_ulp(words, due_words) for words, due_words in positions), default=0.0)
+
+
+def _position_ulp(words: Sequence[str], due_words: Sequence[str]) -> float:
+    """Returns the difference of two positions in URDF, ulp; inf if one is oddly written."""
+    if words == due_words:
+        return 0.0
+    numbers, due = [float(word) for word in words], [float(word) for word in due_words]
+    if text_of(*numbers) != ' '.join(words):
+        return math.inf
+    difference = max(abs(x - y) for x, y in zip(numbers, due, strict=True))
+    return difference / math.ulp(max(map(abs, due)))
 
 
 class RowComparison:
@@ -421,21 +454,23 @@ class RowComparison:
             LogError: The log is damaged.
         """
         size = self._layout.size
+        rows = len(logged) // size
         if logged == recomputed:  # usual, unless another machine computes different sines
-            return len(logged) // size, ''
+            return rows, ''
         values = self._values(recomputed)
         with np.errstate(all='ignore'):  # logged values may be arbitrary
             units = self._units(values, again)
             ulp = abs(self._values(logged) - values) / units
         wrong = self._wrong_bytes(logged, recomputed, ulp <= _TOLERANCE)
-        is_wrong = wrong.any(axis=1)
-        count = int(is_wrong.argmax()) if is_wrong.any() else is_wrong.size
+        wrong_rows = np.flatnonzero(wrong.any(axis=1))
+        count = int(wrong_rows[0]) if len(wrong_rows) else rows
         # Rows that differ only in the sign of a zero must not count as equal to the bit.
         self.ulp = max(self.ulp, float(ulp[:, :count].max(initial=math.ulp(0.0))))
-        if count == is_wrong.size:
+        if count == rows:
             return count, ''
-        at, row = int(wrong[count].argmax()), slice(count * size, (count + 1) * size)
-        return count, self._describe(at, logged[row], recomputed[row], units[:, count])
+        first_byte = int(wrong[count].argmax())
+        row = slice(count * size, (count + 1) * size)
+        return count, self._describe(first_byte, logged[row], recomputed[row], units[:, count])
 
     def _units(self, values: Array, again: Callable[[], tuple[Any, bytearray]]) -> Array:
         """Returns the size of an ulp of each double in recomputed rows, shape (fields, rows).
@@ -460,8 +495,8 @@ class RowComparison:
             recomputed: The recomputed rows.
             near: Whether each double is equal within the tolerance, shape (fields, rows).
         """
-        found, made = (np.frombuffer(x, np.uint8) for x in (logged, recomputed))
-        wrong = np.not_equal(found, made).reshape(-1, self._layout.size)
+        rows, due = np.frombuffer(logged, np.uint8), np.frombuffer(recomputed, np.uint8)
+        wrong = np.not_equal(rows, due).reshape(-1, self._layout.size)
         for place, is_near in zip(self._doubles, near, strict=True):
             wrong[is_near, place.offset : place.offset + 8] = False
         return wrong
@@ -482,17 +517,19 @@ class RowComparison:
 
     def _describe(self, at: int, logged: bytes, recomputed: bytearray, units: Array) -> str:
         """Describes the difference between two rows at their first different byte."""
-        message = bisect_right(self._layout.starts, at) - 1
-        byte = at - self._layout.starts[message] - MESSAGE_HEAD.size
+        layout = self._layout
+        message = bisect_right(layout.starts, at) - 1
+        byte = at - layout.starts[message] - MESSAGE_HEAD.size
         words = f'byte {byte} = {logged[at]:#04x} logged, {recomputed[at]:#04x} recomputed'
-        for place in self._layout.places:
+        for place in layout.places:
             if place.offset <= at < place.offset + struct.calcsize(place.code):
-                found, due = (self._layout.column(x, place).item() for x in (logged, recomputed))
+                value = layout.column(logged, place).item()
+                due = layout.column(recomputed, place).item()
                 words = (
-                    f'{place.name} = {found!r} logged, {due!r} recomputed: '
-                    f'off by {abs(found - due):.3g}'
+                    f'{place.name} = {value!r} logged, {due!r} recomputed: '
+                    f'off by {abs(value - due):.3g}'
                 )
                 if place in self._doubles:
                     unit = units[self._doubles.index(place)]
-                    words += f', {abs(found - due) / unit:.6g} ulp'
+                    words += f', {abs(value - due) / unit:.6g} ulp'
         return f'{self._names[message]}: {words}'

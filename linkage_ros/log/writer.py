@@ -155,28 +155,34 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: The file cannot be written.
         """
-        records, channels, times, starts = list[bytes](), list[int](), list[int](), list[int]()
+        records, channels, entries = list[bytes](), list[int](), list[tuple[int, int]]()
         end = self.mcap.position
-
-        def add() -> None:
-            entries = np.array((times, starts), np.uint64).T
-            index = {x: entries[np.equal(channels, x)] for x in dict.fromkeys(channels)}
-            self.mcap.add_records(b''.join(records), entries[:, 0], index)
-            for one in (records, channels, times, starts):
-                one.clear()
-
         for channel, stamp, data in messages:
             record = message_record(channel, (stamp, stamp), data)
             records.append(record)
             channels.append(channel)
-            times.append(stamp)
-            starts.append(end)
+            entries.append((stamp, end))
             end += len(record)
             if end > CHUNK_SIZE:
-                add()
+                self._add_records(records, channels, entries)
+                records, channels, entries = [], [], []
                 end = self.mcap.position
         if records:
-            add()
+            self._add_records(records, channels, entries)
+
+    def _add_records(
+        self, records: Sequence[bytes], channels: Sequence[int], entries: Sequence[tuple[int, int]]
+    ) -> None:
+        """Appends message records to the current chunk.
+
+        Args:
+            records: The records.
+            channels: Channel number of each.
+            entries: Log time, ns, and offset in the chunk of each.
+        """
+        rows = np.array(entries, np.uint64)
+        index = {number: rows[np.equal(channels, number)] for number in dict.fromkeys(channels)}
+        self.mcap.add_records(b''.join(records), rows[:, 0], index)
 
     def write_states(
         self,
@@ -201,16 +207,17 @@ class LogWriter(AbstractContextManager['LogWriter']):
 
     def _add_rows(self, layout: RowLayout, times: Sequence[int], rows: bytearray) -> None:
         """Appends the messages of states, a row for each state; see `write_states`."""
-        left = np.asarray(times, np.uint64)
+        remaining_times = np.asarray(times, np.uint64)
         while rows:
             start = self.mcap.position
             count = max(0, CHUNK_SIZE - start) // layout.size + 1  # the last one fills the chunk
             data, rows = rows[: count * layout.size], rows[count * layout.size :]
-            logged, left = left[:count], left[count:]
-            offsets = np.arange(start, start + len(data), layout.size)  # of the rows
+            logged, remaining_times = remaining_times[:count], remaining_times[count:]
+            row_offsets = np.arange(start, start + len(data), layout.size)
+            # Log time and offset of each message, by channel and row.
             index = np.empty((len(layout.channels), len(logged), 2), np.uint64)
             index[:, :, 0] = logged
-            index[:, :, 1] = np.add.outer(layout.starts, offsets)
+            index[:, :, 1] = np.add.outer(layout.starts, row_offsets)
             self.mcap.add_records(data, logged, dict(zip(layout.channels, index, strict=True)))
 
     def write_motion(self, segment: Segment, linkage: str = '') -> None:
