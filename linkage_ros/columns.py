@@ -100,27 +100,31 @@ def measured_places(head: Sequence[str], quantity: str, column: str = '') -> dic
     names = [name.strip(' \t"') for name in head]
     if column and column not in names:
         raise ValueError(f'has no column {shown(column)}, only {listed(names)}')
-    found = dict[str, list[str]]()
-    for name in names:
-        if (known := _COLUMNS.get(name)) and (not column or known.quantity != quantity):
-            found.setdefault(known.quantity, []).append(name)
-    found['measured'] = [column] if column else found.get(quantity, [])
+    names_of = {
+        'time': _names_of('time', names),
+        'measured': [column] if column else _names_of(quantity, names),
+        'speed': _names_of('speed', names),
+    }
     places = {}
-    for key, what in (('time', 'time'), ('measured', quantity), ('speed', 'speed')):
-        given = found.get(key, [])
-        if len(given) > 1:
-            raise ValueError(f'has {" and ".join(given)}: give one of these as --column')
-        if given:
-            factor = _COLUMNS.get(given[0], _of_suffix(given[0])).factor
-            places[key] = Place(names.index(given[0]), factor)
+    for key, candidates in names_of.items():
+        if len(candidates) > 1:
+            raise ValueError(f'has {" and ".join(candidates)}: give one of these as --column')
+        if candidates:
+            (name,) = candidates
+            factor = _COLUMNS.get(name, _of_suffix(name)).factor
+            places[key] = Place(names.index(name), factor)
         elif key != 'speed':
             cure = '; or give --column NAME' if key == 'measured' else ''
             if len(names) == 1:
                 cure = '; separate columns by commas'
-            raise ValueError(
-                f'its first line names {listed(names)}: one must be of {column_names(what)}{cure}'
-            )
+            valid = column_names(quantity if key == 'measured' else key)
+            raise ValueError(f'its first line names {listed(names)}: one must be of {valid}{cure}')
     return places
+
+
+def _names_of(quantity: str, names: Sequence[str]) -> list[str]:
+    """Returns the names of columns that hold a quantity."""
+    return [name for name in names if name in _COLUMNS and _COLUMNS[name].quantity == quantity]
 
 
 def _of_suffix(name: str) -> _Column:

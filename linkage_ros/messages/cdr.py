@@ -199,24 +199,35 @@ class JointReader:
             ValueError: As for `read`.
             DoubtfulJointError: As for `read`.
         """
-        _, names, *given, _ = decode_joint_state(data)
+        message = decode_joint_state(data)
+        names, rows = message.names, (message.positions, message.velocities, message.efforts)
+        is_named = self._joint in names
         if names.count(self._joint) > 1:
             raise DoubtfulJointError(NAMED_TWICE)
-        if self._joint in names and not {*map(len, given)} <= {0, len(names)}:
+        lengths = {len(message.positions), len(message.velocities)}
+        if is_named and not lengths <= {0, len(names)}:
             raise DoubtfulJointError(NOT_ONE_EACH)
         start = len(ENCAPSULATION)
-        head, at = start + STAMP.size, start + _names(data[start:])[1]
-        i, lengths, own = names.index(self._joint) if self._joint in names else len(data), [], []
-        for _ in range(3):
-            number, at = _count(data, at)
-            lengths.append((at - _COUNT.size, 'I'))
-            at += (start - at) % 8 if number else 0
-            own.append((at + 8 * i, 'd') if i < number else (at, '0s'))
-            at += 8 * number
-        end = lengths[0][0]
-        self._frame = _struct((0, f'{start}s'), (head, f'{end - head}s'), *lengths)
+        _, size_of_names = _names(data[start:])
+        # Offset and format of each row's length, and of the joint's number in it.
+        length_fields, own_fields = list[tuple[int, str]](), list[tuple[int, str]]()
+        end = start + size_of_names
+        for row in rows:
+            _, end = _count(data, end)
+            length_fields.append((end - _COUNT.size, 'I'))
+            if row:
+                end += (start - end) % 8  # doubles are aligned
+            has_own = is_named and len(row) == len(names)
+            own = (end + 8 * names.index(self._joint), 'd') if has_own else (end, '0s')
+            own_fields.append(own)
+            end += 8 * len(row)
+        # All but the stamp and the numbers must not change.
+        after_stamp, end_of_names = start + STAMP.size, length_fields[0][0]
+        frame = (0, f'{start}s'), (after_stamp, f'{end_of_names - after_stamp}s')
+        self._frame = _struct(*frame, *length_fields)
         self._constant = self._frame.unpack_from(data)
-        self._values, self._size = _struct((start, 'iI'), *own[:2]), len(data)
+        position, velocity, _ = own_fields
+        self._values, self._size = _struct((start, 'iI'), position, velocity), len(data)
 
 
 def _struct(*fields: tuple[int, str]) -> struct.Struct:

@@ -57,14 +57,20 @@ class Template:
                 fields, in order.
         """
         names = names or [part.name for part in parts if isinstance(part, Field)]
-        known: list[str | bytes] = [*names, *(part for part in parts if isinstance(part, bytes))]
-        order = [known.index(part.name if isinstance(part, Field) else part) for part in parts]
-        forms = [part.code if isinstance(part, Field) else f'{len(part)}s' for part in parts]
-        self._struct, self._constants = struct.Struct('<' + ''.join(forms)), known[len(names) :]
-        self._arrange, self.size = operator.itemgetter(*order), self._struct.size
-        starts = accumulate((struct.calcsize('<' + form) for form in forms), initial=0)
-        pairs = zip(parts, starts, strict=False)
-        self.places = [part._replace(offset=at) for part, at in pairs if isinstance(part, Field)]
+        self._constants = [part for part in parts if isinstance(part, bytes)]
+        # `pack` arranges its numbers and the constants in the order of the parts.
+        values: list[str | bytes] = [*names, *self._constants]
+        order = [values.index(part.name if isinstance(part, Field) else part) for part in parts]
+        self._arrange = operator.itemgetter(*order)
+        formats = [part.code if isinstance(part, Field) else f'{len(part)}s' for part in parts]
+        self._struct = struct.Struct('<' + ''.join(formats))
+        self.size = self._struct.size
+        offsets = accumulate((struct.calcsize('<' + x) for x in formats), initial=0)
+        self.places = [
+            part._replace(offset=offset)
+            for part, offset in zip(parts, offsets, strict=False)
+            if isinstance(part, Field)
+        ]
         self.fields = {place.name: place for place in self.places}
         self._numbers = [names.index(place.name) for place in self.places]
         self._blank = self.pack(*[0] * len(names))

@@ -95,29 +95,36 @@ def joint_rows(
         force, N, divided by its ratio; other efforts are 0.
     """
     joints = joints or own_joints(links)
-    rows = [list(row) for row in state[:3]]
-    position = rows[0]
-    for i, (link, joint) in enumerate(zip(links, joints, strict=True)):
-        if joint.parent is not None:
-            for row, own in zip(rows, state[:3], strict=True):
-                row[i] = own[i] - own[joint.parent]
-        is_carried = joint.parent is not None or joint.guide is not None
-        if joint.guide is not None:
-            position[i] = position[i] - joint.guide
-        if joint.is_mapped:
-            position[i] = position[i] - joint.zero
-        if not link.slides:
-            if joint.is_mapped or is_carried:
-                position[i] = wrap(position[i], rint)
-            position[i] = where(position[i] <= -math.pi, math.pi, position[i])
-        if joint.is_mapped:
-            for row in rows:
-                row[i] = joint.ratio * row[i]
+    motions = [
+        _joint_motion(link, joint, state, i)
+        for i, (link, joint) in enumerate(zip(links, joints, strict=True))
+    ]
+    rows = [list(row) for row in zip(*motions, strict=True)]
     joint = joints[driven]
-    position[driven] = unwrapped if joint.is_measured else joint.value(unwrapped)
+    rows[0][driven] = unwrapped if joint.is_measured else joint.value(unwrapped)
     efforts: list[Real] = [0.0 for _ in links]
     efforts[driven] = state.torque / joint.ratio if joint.is_mapped else state.torque
     return [*rows, efforts]
+
+
+def _joint_motion(link: Link, joint: RobotJoint, state: State, i: int) -> tuple[Real, Real, Real]:
+    """Returns position, velocity and acceleration of the joint of link i."""
+    values = [row[i] for row in state[:3]]
+    if joint.parent is not None:
+        values = [x - row[joint.parent] for x, row in zip(values, state[:3], strict=True)]
+    position, velocity, acceleration = values
+    if joint.guide is not None:
+        position = position - joint.guide
+    if joint.is_mapped:
+        position = position - joint.zero
+    if not link.slides:
+        is_carried = joint.parent is not None or joint.guide is not None
+        if joint.is_mapped or is_carried:
+            position = wrap(position, rint)
+        position = where(position <= -math.pi, math.pi, position)
+    if not joint.is_mapped:
+        return position, velocity, acceleration
+    return joint.ratio * position, joint.ratio * velocity, joint.ratio * acceleration
 
 
 def link_rows(joints: Sequence[RobotJoint], table: Array) -> Array:
@@ -130,14 +137,14 @@ def link_rows(joints: Sequence[RobotJoint], table: Array) -> Array:
     Returns:
         The rows of the links, of the same shape: angles in base_link, and slider positions.
     """
-    found = np.empty_like(table)
-    done = set[int | None]([None])
-    while len(done) <= len(joints):
+    rows = np.empty_like(table)
+    converted = set[int | None]([None])  # the links so far, and the frame
+    while len(converted) <= len(joints):  # a parent may follow the links measured from it
         for i, joint in enumerate(joints):
-            if i not in done and joint.parent in done:
-                found[:, i] = table[:, i] / joint.ratio
-                found[0, i] += joint.zero + (joint.guide or 0.0)
+            if i not in converted and joint.parent in converted:
+                rows[:, i] = table[:, i] / joint.ratio
+                rows[0, i] += joint.zero + (joint.guide or 0.0)
                 if joint.parent is not None:
-                    found[:, i] += found[:, joint.parent]
-                done.add(i)
-    return found
+                    rows[:, i] += rows[:, joint.parent]
+                converted.add(i)
+    return rows

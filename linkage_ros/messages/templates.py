@@ -198,15 +198,14 @@ class StateTemplates:
             every: Names of all linkages of the run, in the order of their efforts.
         """
         joints = [joint for linkage in linkages for joint in linkage.joints]
-        own = [linkage.topics() for linkage in linkages]
-        torques = [next(iter(topics.items())) for topics in own]
-        points = [item for topics in own for item in [*topics.items()][1:]]
-        self.parts = {
-            JOINT_STATES: joint_state(joints, frame_id),
-            **dict(torques),
-            MECHANISM_STATE: trajectory(joints, frame_id),
-            **dict(points),
-        }
+        self.parts = {JOINT_STATES: joint_state(joints, frame_id)}
+        points = dict[Topic, list[Part]]()
+        for linkage in linkages:
+            (torque, torque_parts), *others = linkage.topics().items()
+            self.parts[torque] = torque_parts
+            points.update(others)
+        self.parts[MECHANISM_STATE] = trajectory(joints, frame_id)
+        self.parts |= points
         self.names = [field.name for field in STAMP_FIELDS]
         self.names += [name for linkage in linkages for name in linkage.names]
         if effort_topic:

@@ -78,18 +78,21 @@ def make_urdf(
     """
     links, driven = rigid_links(mechanism, joint_prefix), mechanism.structure().driven
     colors = colors_of(link.joint.name for link in links)
-    # The loop cannot close beyond these limits.
+    # The loop cannot close beyond these limits of a sliding link.
     (loop, output), *added = mechanism.structure().closures
-    reach = {output: math.fsum(map(abs, (*loop.weights, loop.fixed)))}
-    for x, i in added:
-        reach[i] = math.fsum(map(abs, (*x.weights, x.fixed, links[i].joint.origin)))
-    parents = [frame_id, *(link_of(link.name) for link in links)]  # base_link first
+    limits = {output: math.fsum(map(abs, (*loop.weights, loop.fixed)))}
+    for closure, i in added:
+        lengths = (*closure.weights, closure.fixed, links[i].joint.origin)
+        limits[i] = math.fsum(map(abs, lengths))
     robot = element('robot', element('link', name=frame_id), name='linkage')
     for i, link in enumerate(links):
-        above = -1 if link.joint.parent is None else link.joint.parent
+        parent = frame_id
+        if link.joint.parent is not None:
+            parent = link_of(links[link.joint.parent].name)
         robot.append(_link(link, colors[link.joint.name]))
-        robot.append(_joint(link, parents[above + 1], repr(reach.get(i))))
-    robot.extend([_ros2_control(links[driven].name)] if ros2_control else [])
+        robot.append(_joint(link, parent, repr(limits.get(i))))
+    if ros2_control:
+        robot.append(_ros2_control(links[driven].name))
     ET.indent(robot)
     return ET.tostring(robot, encoding='unicode', xml_declaration=True) + '\n'
 

@@ -49,12 +49,16 @@ class Keyboard(AbstractContextManager['Keyboard']):
         """
         watched = [self._descriptor] if self._take_terminal() else []
         key = self._next_key()
-        if key is None and select.select(watched, [], [], timeout)[0] and self._take_terminal():
-            # The wake-up may be due to a line that the shell has read, such as fg.
-            if select.select(watched, [], [], 0)[0]:
-                self._pending += os.read(self._descriptor, 64)
-            key = self._next_key()
-        return key
+        if key is not None:
+            return key
+        readable, _, _ = select.select(watched, [], [], timeout)
+        if not readable or not self._take_terminal():
+            return None
+        # The wake-up may be due to a line that the shell has read, such as fg.
+        still_readable, _, _ = select.select(watched, [], [], 0)
+        if still_readable:
+            self._pending += os.read(self._descriptor, 64)
+        return self._next_key()
 
     def __exit__(self, *error: object) -> None:
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)

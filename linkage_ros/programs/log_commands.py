@@ -40,13 +40,10 @@ def info(log: LogReader) -> Iterator[str]:
     Yields:
         Lines of text.
     """
-    seconds = (log.end - log.start) / NS_PER_S
-    yield from (
-        f'file:       {log.path}, {log.path.stat().st_size / 1e6:.3f} MB',
-        f'written by: linkage_ros {log.version}',
-        f'start:      {_time(log.start)}',
-        f'duration:   {seconds:.6f} s',
-    )
+    yield f'file:       {log.path}, {log.path.stat().st_size / 1e6:.3f} MB'
+    yield f'written by: linkage_ros {log.version}'
+    yield f'start:      {_time(log.start)}'
+    yield f'duration:   {(log.end - log.start) / NS_PER_S:.6f} s'
     for linkage in log.configuration.linkages:
         solver = Solver(linkage.mechanism)
         yield f'mechanism:  {prefix_of(linkage.name, ": ")}{summary(linkage, solver)}'
@@ -54,21 +51,26 @@ def info(log: LogReader) -> Iterator[str]:
             yield from (f'            {words}' for words in solver.mobility.equalities)
     yield from (f'note:       {line}' for line in notes(log.configuration))
     yield 'topics:'
-    width = min(max((len(topic.name) for topic in log.topics), default=0), _MAX_WIDTH)
-    for name, count, kind, role in ((t.name, t.messages, t.type, t.role) for t in log.topics):
-        renamed = f', {role}' if role and not name.endswith(f'/{role}') else ''
-        yield f'  {name:{width}}  {count:9d}  {kind}{renamed}'
+    yield from _topic_lines(log)
     yield 'motion:'
     yield from (f'  {_time(stamp)}: {words}' for stamp, words in _motions(log))
     if causes := _causes_of_zeros(log):
         counts = ', '.join(f'{printable(cause)} ({count} x)' for cause, count in causes.items())
         yield f'torque ended with 0: {counts}'
     yield 'configuration:'
-    values = log.configuration.parameters()
     units = {name: x.quantity.unit for name, x in log.configuration.leaves().items()}
-    for name, value in values.items():
+    for name, value in log.configuration.parameters().items():
         text = str(list(value) if isinstance(value, tuple) else value) or "''"
         yield f'  {name}: {text}' + (f'  # {units[name]}' if units[name] else '')
+
+
+def _topic_lines(log: LogReader) -> Iterator[str]:
+    """Describes the topics of a log, with roles that are not their names."""
+    width = min(max((len(topic.name) for topic in log.topics), default=0), _MAX_WIDTH)
+    for topic in log.topics:
+        is_renamed = topic.role and not topic.name.endswith(f'/{topic.role}')
+        role = f', {topic.role}' if is_renamed else ''
+        yield f'  {topic.name:{width}}  {topic.messages:9d}  {topic.type}{role}'
 
 
 def info_as_json(log: LogReader) -> dict[str, Any]:

@@ -107,28 +107,37 @@ def feed(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Iterator[I
     with ThreadPoolExecutor(1, 'reader') as reader:
 
         def read() -> Future[list[Item]]:
-            return reader.submit(lambda: list(itertools.islice(stored, _BATCH)))
+            return reader.submit(_next_batch, stored)
 
-        ahead = deque(read() for _ in range(_BATCHES))
-
-        def items() -> Iterator[Item]:
-            while batch := ahead.popleft().result():
-                ahead.append(read())
-                yield from batch
-
+        batches = deque(read() for _ in range(_BATCHES))
         try:
-            yield items()
+            yield _items(batches, read)
         finally:
             reader.shutdown(cancel_futures=True)
 
 
+def _next_batch(stored: Iterator[Item]) -> list[Item]:
+    return list(itertools.islice(stored, _BATCH))
+
+
+def _items(
+    batches: 'deque[Future[list[Item]]]', read: Callable[[], 'Future[list[Item]]']
+) -> Iterator[Item]:
+    """Yields the items of batches, and reads a new batch for each one that is taken."""
+    while batch := batches.popleft().result():
+        batches.append(read())
+        yield from batch
+
+
 def _stored(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Item]:
+    """Yields the messages of an excerpt, and of its repetitions."""
     # Latched messages that a subscriber would have received before the excerpt begins.
-    names = [topic.name for topic in log.topics if topic.latched and topic.name in excerpt.topics]
-    before = log.messages(names, end=excerpt.start) if excerpt.start > log.start else ()
+    latched = [x.name for x in log.topics if x.latched and x.name in excerpt.topics]
+    before = log.messages(latched, end=excerpt.start) if excerpt.start > log.start else ()
     last = {message.topic: message for message in before}
     yield from (Item(excerpt.start, message) for message in last.values())
-    for shift in itertools.count(0, excerpt.end - excerpt.start) if loop else [0]:
+    length = excerpt.end - excerpt.start
+    for shift in itertools.count(0, length) if loop else [0]:
         message = None
         for message in log.messages(excerpt.topics, excerpt.start, excerpt.end):
             yield Item(message.time + shift, message)
@@ -183,13 +192,14 @@ class Pace:
             return 0.0
         if self.paused:
             return math.inf
-        (log, real, rate), now = self._timing, self._now()
-        left = real + (time - log) / rate - now
-        if left < -_LARGEST_LAG:
+        log_time, real_time, rate = self._timing
+        now = self._now()
+        remaining = real_time + (time - log_time) / rate - now
+        if remaining < -_LARGEST_LAG:  # do not catch up
             self._timing = time, now, rate
-        if left <= 0:
+        if remaining <= 0:
             self._played_until = time
-        return left / NS_PER_S
+        return remaining / NS_PER_S
 
     def toggle(self) -> None:
         """Pauses or resumes the replay."""

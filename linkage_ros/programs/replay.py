@@ -117,23 +117,27 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _check(options: argparse.Namespace, log: LogReader) -> None:
+    """Rejects options that do not fit the log or each other.
+
+    Raises:
+        ConfigurationError: There are such options.
+    """
     length = (log.end - log.start) / NS_PER_S
     replace(_OFFSET, high=length).clean('--start-offset', options.start_offset)
     names = [topic.name for topic in log.topics]
     unknown = [name for name in options.topics or () if name not in names]
-    for is_wrong, words in (
-        (unknown, f'--topics {" ".join(unknown)}: the log has {", ".join(names)}'),
-        (options.no_ros and not options.viewer,
-         '--no-ros leaves nothing to do: give --viewer as well'),
-        (options.no_open and options.viewer != WEB,
-         '--no-open is for a page in a browser: give --viewer web as well'),
-        (options.no_ros and options.clock is not None,
-         '--clock publishes a topic, so it cannot be used with --no-ros'),
-        (options.start_paused and not os.isatty(0),
-         '--start-paused needs a terminal, whose space bar starts the replay'),
-    ):  # fmt: skip
-        if is_wrong:
-            raise ConfigurationError(words)
+    if unknown:
+        raise ConfigurationError(f'--topics {" ".join(unknown)}: the log has {", ".join(names)}')
+    if options.no_ros and not options.viewer:
+        raise ConfigurationError('--no-ros leaves nothing to do: give --viewer as well')
+    if options.no_open and options.viewer != WEB:
+        raise ConfigurationError('--no-open is for a page in a browser: give --viewer web as well')
+    if options.no_ros and options.clock is not None:
+        raise ConfigurationError('--clock publishes a topic, so it cannot be used with --no-ros')
+    if options.start_paused and not os.isatty(0):
+        raise ConfigurationError(
+            '--start-paused needs a terminal, whose space bar starts the replay'
+        )
 
 
 def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
@@ -153,20 +157,25 @@ def motions_in(robot: Robot, samples: Sequence[tuple[int, bytes]]) -> 'dict[str,
         robot: The linkages of the log's configuration.
         samples: Shift of each stamp, ns, and CDR bytes of each message.
     """
-    found: dict[str, list[LinkMotion]] = {}
+    # Parts of each linkage's motion, from groups of adjacent messages with the same joints.
+    parts: dict[str, list[LinkMotion]] = {}
     for names, group in itertools.groupby(samples, lambda sample: _linkages_in(robot, sample[1])):
         shifts, messages = zip(*group, strict=True)
         stamps, numbers = robot.templates.of(names).joint_states.read(b''.join(messages))
-        joints = [robot.simulators[name].joints for name in names]
-        table = np.reshape(numbers.T, (3, sum(map(len, joints)), -1))
-        parts = np.split(table, np.cumsum([*map(len, joints)])[:-1], axis=1)
-        for name, part in zip(names, parts, strict=True):
-            motion = stamps + np.array(shifts), *_motion_in(robot.simulators[name], part)
-            found.setdefault(name, []).append(motion)
-    return {
-        name: cast('LinkMotion', tuple(map(np.concatenate, zip(*motions, strict=True))))
-        for name, motions in found.items()
-    }
+        counts = [len(robot.simulators[name].joints) for name in names]
+        table = np.reshape(numbers.T, (3, sum(counts), -1))
+        first = 0  # joint of the linkage
+        for name, count in zip(names, counts, strict=True):
+            own = table[:, first : first + count]
+            motion = stamps + np.array(shifts), *_motion_in(robot.simulators[name], own)
+            parts.setdefault(name, []).append(motion)
+            first += count
+    return {name: _concatenated(motions) for name, motions in parts.items()}
+
+
+def _concatenated(motions: 'Sequence[LinkMotion]') -> 'LinkMotion':
+    """Returns the motion whose arrays are those of several motions, one after another."""
+    return cast('LinkMotion', tuple(map(np.concatenate, zip(*motions, strict=True))))
 
 
 def _linkages_in(robot: Robot, message: bytes) -> tuple[str, ...]:
@@ -184,16 +193,17 @@ def _motion_in(simulator: Simulator, table: Array) -> tuple[Array, Array, Array]
         simulator: Simulator of the linkage.
         table: Positions, rates and efforts of its joints, shape (3, joints, n).
     """
-    joints, driven = simulator.robot_joints, simulator.driven
-    joint, place = joints[driven], simulator.joints.index(joints[driven].name)
+    joints = simulator.robot_joints
+    driven_joint = joints[simulator.driven]
+    driven = simulator.joints.index(driven_joint.name)  # among the published joints
     positions, rates, efforts = table
     if len(simulator.joints) < len(joints):  # the others follow from the driven joint
-        angle, rate = joint.own(positions[place]), rates[place] / joint.ratio
-        state = simulator.solver.state(angle, rate, 0.0 * rate)
+        place, rate = driven_joint.own(positions[driven]), rates[driven] / driven_joint.ratio
+        state = simulator.solver.state(place, rate, 0.0 * rate)
         positions, rates = np.array([state.position, state.velocity])
     else:
         positions, rates = link_rows(joints, table[:2])
-    torque = efforts[place, :, np.newaxis] * joint.ratio
+    torque = efforts[driven, :, np.newaxis] * driven_joint.ratio
     return positions.T, rates.T, torque
 
 
@@ -226,16 +236,6 @@ def showing(
     from linkage_ros.view.rerun_connection import View
     from linkage_ros.view.viewer_process import open_page
 
-    def check() -> None:
-        if worker.error:
-            raise ViewerError(f'the view ended: {worker.error}') from worker.error
-
-    def show(item: Item) -> None:
-        check()
-        if states and item.message.channel == states.number:
-            # In a loop, the stamps of each round continue those of the previous round.
-            worker.offer((item.time - item.message.time, item.message.data))
-
     states = log.channel(JOINT_STATES)
     read = functools.partial(motions_in, Robot(log.configuration))
     view = View(log.configuration, target, overwrite=overwrite, read=read)
@@ -249,6 +249,13 @@ def showing(
     worker: Worker[Any] = Worker(
         'view', view, capacity=_VIEW_CAPACITY, period=view.period, on_error=lambda _: None
     )
+
+    def show(item: Item) -> None:
+        _require_running(worker)
+        if states and item.message.channel == states.number:
+            # In a loop, the stamps of each round continue those of the previous round.
+            worker.offer((item.time - item.message.time, item.message.data))
+
     try:
         with cli.waiting('waiting for a page'):
             while view.page and loop and not view.is_watched() and not stop.wait(_POLL_SECONDS):
@@ -260,7 +267,17 @@ def showing(
         if lost and worker.error is None:
             words = f'{counted(lost, "state")} not shown: the viewer lagged or ended'
             cli.print_error(_NAME, words)
-    check()
+    _require_running(worker)
+
+
+def _require_running(worker: 'Worker[Any]') -> None:
+    """Raises the error that ended a view, if any.
+
+    Raises:
+        ViewerError: The view has ended.
+    """
+    if worker.error:
+        raise ViewerError(f'the view ended: {worker.error}') from worker.error
 
 
 def _replay(

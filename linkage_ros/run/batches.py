@@ -14,7 +14,7 @@ import numpy as np
 
 from linkage_ros.errors import ConfigurationError, MotionError, UnreachableError, in_linkage
 from linkage_ros.mechanism.ranges import Ranges
-from linkage_ros.motion.segments import Motion, Segment
+from linkage_ros.motion.segments import Coordinates, Motion, Segment
 from linkage_ros.numeric import Real
 from linkage_ros.run.robot import Robot
 from linkage_ros.run.states import RowPart, Simulator
@@ -82,32 +82,52 @@ class LinkageStates:
         """
         if self.available:
             return
-        simulator, motion, tick = self.simulator, self.motion, self._tick
+        ticks = self.simulator.ticks
         # If turns are counted, compute at most one second beyond the last turn.
-        most = simulator.ticks.tick_at(NS_PER_S) + 1 if count is None else count - tick
+        most = ticks.tick_at(NS_PER_S) + 1 if count is None else count - self._tick
         while True:
-            stamps = [simulator.ticks.elapsed(tick + i) for i in range(min(self._batch, most))]
-            found = motion.at_all(stamps)
-            ahead = simulator.ahead(motion, stamps[: len(found.unwrapped)])
-            if ahead is not None and len(ahead.unwrapped) < len(found.unwrapped):
-                found = motion.at_all(stamps[: len(ahead.unwrapped)])  # the motion ends
-            stamps = stamps[: len(found.unwrapped)]
+            stamps = [ticks.elapsed(self._tick + i) for i in range(min(self._batch, most))]
+            coordinates, ahead = self._coordinates(stamps)
+            size = len(coordinates.unwrapped)
             try:
-                self._part = simulator.part(found, ahead, self.ranges.see)
+                self._part = self.simulator.part(coordinates, ahead, self.ranges.see)
                 break
             except UnreachableError:
-                if len(stamps) == 1:
+                if size == 1:
                     raise
-                self._batch = len(stamps) // 2  # take all states before an impossible one
-        self.available = len(stamps)
+                self._batch = size // 2  # take all states before an impossible one
+        self.available = size
         if count is None and self.completed is None:
-            self._find_completion(found.unwrapped, turns, stamps[-1])
+            self._find_completion(coordinates.unwrapped, turns, stamps[size - 1])
+
+    def _coordinates(self, stamps: list[int]) -> tuple[Coordinates, Coordinates | None]:
+        """Returns the coordinates at stamps, ns, until the motion ends, and those ahead of them.
+
+        Raises:
+            MotionError: The motion cannot continue.
+        """
+        coordinates = self.motion.at_all(stamps)
+        count = len(coordinates.unwrapped)
+        ahead = self.simulator.ahead(self.motion, stamps[:count])
+        if ahead is not None and len(ahead.unwrapped) < count:  # the motion ends
+            coordinates = self.motion.at_all(stamps[: len(ahead.unwrapped)])
+        return coordinates, ahead
 
     def _find_completion(self, unwrapped: Real, turns: int, stamp: int) -> None:
+        """Finds the first new state at which the turns are complete.
+
+        Args:
+            unwrapped: Crank angles of the new states, with all turns, rad.
+            turns: Number of turns.
+            stamp: Stamp of the last new state, ns.
+
+        Raises:
+            ConfigurationError: The turns are not complete within an hour.
+        """
         turned = np.abs(unwrapped - self.simulator.linkage.drive.crank_angle) / (2 * math.pi)
-        after = int((turned < turns).argmin())
-        if turned[after] >= turns:
-            self.completed = self._tick + after
+        first = int((turned < turns).argmin())
+        if turned[first] >= turns:
+            self.completed = self._tick + first
         elif stamp > _LONGEST_WAIT * NS_PER_S:
             raise ConfigurationError(
                 f'the crank has made only {turned[-1]:.3g} of {turns} revolutions within '
@@ -116,14 +136,14 @@ class LinkageStates:
 
     def take(self, count: int) -> tuple[RowPart, Segment | None]:
         """Returns the next states, and the segment that begins with them, if one does."""
-        begins = None if self.motion.segment is self._segment else self.motion.segment
+        new_segment = None if self.motion.segment is self._segment else self.motion.segment
         self._segment = self.motion.segment
-        taken = self._part
+        part = self._part
         if count < self.available:
-            taken, self._part = taken.at(slice(count)), taken.at(slice(count, None))
+            part, self._part = part.at(slice(count)), part.at(slice(count, None))
         self.available -= count
         self._tick += count
-        return taken, begins
+        return part, new_segment
 
 
 def batches(
@@ -145,23 +165,36 @@ def batches(
     """
     moving, tick = [*linkages], 0
     while moving and tick != count:
-        ends = dict[str, MotionError | UnreachableError]()
-        for linkage in linkages:
-            if linkage in moving:
-                try:
-                    with in_linkage(linkage.name):
-                        linkage.fill(count, turns)
-                except (MotionError, UnreachableError) as error:
-                    ends[linkage.name] = error
-                    moving.remove(linkage)
+        ends = _filled(moving, count, turns)
+        moving = [linkage for linkage in moving if linkage.name not in ends]
         length = min((linkage.available for linkage in moving), default=0)
         completed = [x.completed for x in moving if x.completed is not None]
         if count is None and moving and len(completed) == len(moving):
             count = max(tick, *completed)
             length = min(length, count - tick)
-        taken = {linkage.name: linkage.take(length) for linkage in moving}
-        parts = {name: part for name, (part, _) in taken.items()}
-        segments = {name: begins for name, (_, begins) in taken.items() if begins}
+        parts, segments = dict[str, RowPart](), dict[str, Segment]()
+        for linkage in moving:
+            parts[linkage.name], new_segment = linkage.take(length)
+            if new_segment:
+                segments[linkage.name] = new_segment
         stamps = [robot.ticks.elapsed(tick + i) for i in range(length)]
         yield Batch(stamps, robot.row(parts), tuple(parts), segments, ends)
         tick += length
+
+
+def _filled(
+    linkages: Sequence[LinkageStates], count: int | None, turns: int
+) -> dict[str, MotionError | UnreachableError]:
+    """Computes further states; returns the errors that end motions, by linkage.
+
+    Raises:
+        ConfigurationError: As for `LinkageStates.fill`.
+    """
+    ends = dict[str, MotionError | UnreachableError]()
+    for linkage in linkages:
+        try:
+            with in_linkage(linkage.name):
+                linkage.fill(count, turns)
+        except (MotionError, UnreachableError) as error:  # noqa: PERF203, others continue
+            ends[linkage.name] = error
+    return ends

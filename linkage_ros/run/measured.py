@@ -15,6 +15,7 @@ from linkage_ros.motion.inputs import Received, SharedInput
 from linkage_ros.motion.segments import Coordinates
 from linkage_ros.numeric import Real
 from linkage_ros.run.robot import HeldEfforts, Robot
+from linkage_ros.run.states import RowPart
 
 
 class Measurement(NamedTuple):
@@ -142,29 +143,30 @@ class MeasuredRun:
         messages: Iterable[tuple[int, bytes]],
         read: Callable[[MeasuredCrank, bytes, int], tuple[int, Coordinates]],
     ) -> Iterator[Answers]:
-        heard = self._heard(messages, read)
-        for (names, ended), group in groupby(heard, attrgetter('linkages', 'ended')):
-            found = [*group]
+        """Yields the states of adjacent measurements that hold and end the same linkages."""
+        measurements = self._measurements(messages, read)
+        for (names, ended), group in groupby(measurements, attrgetter('linkages', 'ended')):
+            adjacent = [*group]
             self._held.end(ended)
             if not names:
                 continue
-            parts = {
-                name: self._robot.simulators[name].part(
-                    *self._sources[name].stacked([one.coordinates[name] for one in found])
-                )
-                for name in names
-            }
+            parts = dict[str, RowPart]()
+            for name in names:
+                coordinates = [measurement.coordinates[name] for measurement in adjacent]
+                now, ahead = self._sources[name].stacked(coordinates)
+                parts[name] = self._robot.simulators[name].part(now, ahead)
             numbers = self._robot.row(parts, self._held.values)
             self._held.hold(parts)
             yield Answers(
-                [one.time for one in found], [one.stamp for one in found], numbers, names
+                [one.time for one in adjacent], [one.stamp for one in adjacent], numbers, names
             )
 
-    def _heard(
+    def _measurements(
         self,
         messages: Iterable[tuple[int, bytes]],
         read: Callable[[MeasuredCrank, bytes, int], tuple[int, Coordinates]],
     ) -> Iterator[Measurement]:
+        """Yields the measurements in messages; rejected ones are counted."""
         for time, data in messages:
             try:
                 received = self.cranks.collect(read, data, time)

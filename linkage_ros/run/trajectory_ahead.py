@@ -60,22 +60,9 @@ class TrajectoryAhead:
         Returns:
             The CDR bytes of the message; None if no message is due.
         """
-        cranks = self._cranks.items()
-        is_new = [crank.differs(motions.get(name)) for name, crank in cranks]
-        are_outdated = stamp >= self._due and any(
-            crank.has_other_conditions(motions.get(name)) for name, crank in cranks
-        )
-        if any(is_new) or are_outdated or stamp >= self._next:
-            self._points.clear()
-            for name, crank in cranks:
-                crank.take(motions.get(name))
-            self._next = self._due = stamp
-        while self._next < stamp + self._horizon + _STEP:
-            values = [crank.values(motions.get(name), self._next) for name, crank in cranks]
-            if not any(crank.moves for crank in self._cranks.values()):
-                break  # the last law ends within the horizon
-            self._points.append((self._next, [*zip(*values, strict=True)]))
-            self._next += _STEP
+        if self._is_invalid(motions, stamp):
+            self._restart(motions, stamp)
+        self._extend(motions, stamp + self._horizon)
         while len(self._points) > 1 and self._points[1][0] <= stamp:
             self._points.popleft()
         if stamp < self._due:
@@ -84,6 +71,33 @@ class TrajectoryAhead:
         names = [crank.name for crank in self._cranks.values()]
         return crank_trajectory(names, self._frame_id, self._points)
 
+    def _is_invalid(self, motions: Mapping[str, Motion], stamp: int) -> bool:
+        """Returns whether the points belong to other motions, or all of them are in the past."""
+        cranks = self._cranks.items()
+        if stamp >= self._next or any(crank.differs(motions.get(name)) for name, crank in cranks):
+            return True
+        return stamp >= self._due and any(
+            crank.has_other_conditions(motions.get(name)) for name, crank in cranks
+        )
+
+    def _restart(self, motions: Mapping[str, Motion], stamp: int) -> None:
+        """Discards all points, and begins at a stamp."""
+        self._points.clear()
+        for name, crank in self._cranks.items():
+            crank.take(motions.get(name))
+        self._next = self._due = stamp
+
+    def _extend(self, motions: Mapping[str, Motion], end: int) -> None:
+        """Adds points up to one after the end of the horizon, or until all motions end."""
+        while self._next < end + _STEP:
+            values = [
+                crank.values(motions.get(name), self._next) for name, crank in self._cranks.items()
+            ]
+            if not any(crank.moves for crank in self._cranks.values()):
+                break  # the last law ends within the horizon
+            self._points.append((self._next, [*zip(*values, strict=True)]))
+            self._next += _STEP
+
     def zero(self, places: Mapping[str, float]) -> bytes:
         """Returns a trajectory that ends the torques: it holds places with efforts of 0.
 
@@ -91,10 +105,8 @@ class TrajectoryAhead:
             places: The place of each linkage: crank angle including all turns, rad, or position of
                 a slide, m.
         """
-        held = {
-            crank.name: crank.joint.value(places[name]) for name, crank in self._cranks.items()
-        }
-        return holding_trajectory(held, self._frame_id)
+        positions = {x.name: x.joint.value(places[name]) for name, x in self._cranks.items()}
+        return holding_trajectory(positions, self._frame_id)
 
 
 class _Crank:
@@ -130,13 +142,14 @@ class _Crank:
 
     def values(self, motion: Motion | None, stamp: int) -> tuple[float, float, float, float]:
         """Returns position, velocity, acceleration and effort at a stamp, ns."""
+        at_rest = self._place, 0.0, 0.0, 0.0
+        if not (motion and self.moves):
+            return at_rest
         try:
-            if not (motion and self.moves):
-                return self._place, 0.0, 0.0, 0.0
             (q,), (u,), (a,), unwrapped, *_ = motion.at(stamp)
         except MotionError:
             self.moves = False
-            return self._place, 0.0, 0.0, 0.0
+            return at_rest
         torque = float(self._solver.state(q, u, a, under=self._under).torque)
         joint = self.joint
         self._place = joint.value(unwrapped)

@@ -6,7 +6,7 @@ import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, TypeAlias, cast
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -46,6 +46,19 @@ def placed(links: Sequence[Link], weights: Array, fixed: Array, positions: Array
     return np.asarray(turned @ weights.T + fixed)
 
 
+class _Load(NamedTuple):
+    """A load in n states.
+
+    Attributes:
+        size: Couple, N m, or force along a guide, N, shape (n,); of a force at a point, its
+            components x + iy, N.
+        at: The point of a force, m, shape (n,); otherwise None.
+    """
+
+    size: Complex | Array
+    at: Complex | None = None
+
+
 class LoadArrows:
     """Arrows for the loads on links, except loads that depend on joint forces.
 
@@ -75,10 +88,10 @@ class LoadArrows:
         feet = [np.empty(0, complex)]  # of forces at points
         for rate in (_HARDLY, -_HARDLY):
             exerted = self._exerted(positions, np.full_like(positions, rate))
-            for name, (load, at) in exerted.items():
-                self._largest_so_far(name, load)
-                if at is not None:
-                    feet.append(at)
+            for name, load in exerted.items():
+                self._largest_so_far(name, load.size)
+                if load.at is not None:
+                    feet.append(load.at)
         self.names = tuple(self._largest)
         corner = _LONGEST * mark * (1 + 1j)
         places = np.concatenate(feet)
@@ -123,46 +136,46 @@ class LoadArrows:
         Returns:
             Lines of shape (n, points), by the name of the arrow.
         """
-        found = {}
-        for name, (force, at) in self._exerted(positions, rates).items():
-            share = self._share(name, force)
-            if at is not None:
-                found[name] = self._at_point(at, share)
+        lines = {}
+        for name, load in self._exerted(positions, rates).items():
+            share = self._share(name, load.size)
+            if load.at is not None:
+                lines[name] = self._at_point(load.at, share)
                 continue
             j = self._solver.links.index(name)
             if self._solver.structure.links[j].slides:
-                found[name] = self._straight(j, positions, share)
+                lines[name] = self._straight(j, positions, share)
             else:
-                found[name] = self._curved(self._first_pin(j, positions), positions[:, j], share)
-        return found
+                lines[name] = self._curved(self._first_pin(j, positions), positions[:, j], share)
+        return lines
 
     def values(self, positions: Array, rates: Array) -> dict[str, list[str]]:
         """Returns the sizes of the loads as text, by the name of the arrow; see `lines`."""
-        units = {link.name: 'N' for link in self._solver.structure.links if link.slides}
-        return {
-            name: [
-                f'{x:.4g} {"N" if at is not None else units.get(name, "N m")}'
-                for x in (force if at is None else abs(force)).tolist()
-            ]
-            for name, (force, at) in self._exerted(positions, rates).items()
-        }
+        sliding = {link.name for link in self._solver.structure.links if link.slides}
+        texts = {}
+        for name, load in self._exerted(positions, rates).items():
+            unit = 'N' if load.at is not None or name in sliding else 'N m'
+            sizes = load.size if load.at is None else abs(load.size)
+            texts[name] = [f'{size:.4g} {unit}' for size in sizes.tolist()]
+        return texts
 
-    def _exerted(
-        self, positions: Array, rates: Array
-    ) -> dict[str, tuple[Complex | Array, Complex | None]]:
-        """Returns the load and, for a force at a point, the point, by the name of the arrow."""
+    def _exerted(self, positions: Array, rates: Array) -> dict[str, _Load]:
+        """Returns the loads by the name of the arrow."""
         positions = np.nan_to_num(positions)  # a state in a log may be impossible
         state = State(tuple(positions.T), tuple(rates.T), tuple(0.0 * rates.T), 0.0)
         with np.errstate(all='ignore'):
             exerted = self._solver.exerted(state)
-        size = len(positions)
-        found: dict[str, tuple[Any, Any]] = {
-            link: (np.broadcast_to(effort, size), None) for link, effort in exerted.efforts.items()
-        }
-        for name, load in exerted.forces.items():
-            arrow, foot = (np.broadcast_to(x + 1j * y, size) for x, y in (load.force, load.at))
-            found[name] = arrow, foot
-        return found
+        count = len(positions)
+        loads = dict[str, _Load]()
+        for link, effort in exerted.efforts.items():
+            loads[link] = _Load(np.broadcast_to(effort, count))
+        for name, at_point in exerted.forces.items():
+            force, at = (
+                np.broadcast_to(vector.x + 1j * vector.y, count)
+                for vector in (at_point.force, at_point.at)
+            )
+            loads[name] = _Load(force, at)
+        return loads
 
     def _share(self, name: str, load: Any) -> Any:
         """Scales a load by its largest magnitude so far, to -1 to 1; shape (n,)."""

@@ -10,7 +10,7 @@ one entity, and the curves are updated less often. Curves of one entity need dif
 """
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -92,22 +92,31 @@ class RerunDrawing:
         Yields:
             Rows of the moving parts and of the curves.
         """
-        places, turning, sliders = places.copy(), self._turning, self._sliders
-        steps = np.diff(places[:, turning], axis=0, prepend=self._directions)
-        places[:, turning] -= 2 * math.pi * np.cumsum(np.round(steps / (2 * math.pi)), axis=0)
-        self._directions = places[-1:, turning]
-        values = [torque, places[:, sliders], rates[:, sliders]]
+        turning, sliders = self._turning, self._sliders
+        places = self._continued(places)
         shown = [*map(self.drawing.joints.index, self._curves[DIRECTIONS])]
-        directions = np.degrees(places[:, shown])
-        curves = np.concatenate(values, axis=1), rates[:, turning], directions
-        for entity, part in zip(self._curves, curves, strict=True):
+        curves = {
+            VALUES: np.concatenate([torque, places[:, sliders], rates[:, sliders]], axis=1),
+            RATES: rates[:, turning],
+            DIRECTIONS: np.degrees(places[:, shown]),
+        }
+        for entity, numbers in curves.items():
             path = f'{self._path}{entity}'
-            yield path, stamps, [_column(_SCALARS, pa.array(part.ravel()), part.shape)]
+            yield path, stamps, [_column(_SCALARS, pa.array(numbers.ravel()), numbers.shape)]
         frames = stamps // _DRAWING_NS
-        due = np.diff(frames, prepend=self._last_frame) != 0
+        is_new_frame = np.diff(frames, prepend=self._last_frame) != 0
         self._last_frame = frames[-1]
-        if due.any():
-            yield from self._drawn(stamps[due], places[due], rates[due])
+        if is_new_frame.any():
+            yield from self._drawn(stamps[is_new_frame], places[is_new_frame], rates[is_new_frame])
+
+    def _continued(self, places: Array) -> Array:
+        """Removes jumps by whole turns from the directions, also from those of the last call."""
+        places, turning = places.copy(), self._turning
+        steps = np.diff(places[:, turning], axis=0, prepend=self._directions)
+        turns = np.cumsum(np.round(steps / (2 * math.pi)), axis=0)
+        places[:, turning] -= 2 * math.pi * turns
+        self._directions = places[-1:, turning]
+        return places
 
     def frame(
         self, stamps: npt.NDArray[np.int64], places: Array, rates: Array, _: Array
@@ -122,22 +131,20 @@ class RerunDrawing:
         points = np.concatenate([drawing.labels(pins), pins], axis=1)
         loads = drawing.loads(places, rates)
         lines = [*drawing.links(pins).values(), *loads.values()]
-        lengths = np.tile([line.shape[1] for line in lines], len(pins))
-        ends = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
-        corners = _pairs(np.concatenate(lines, axis=1))
-        strips = pa.ListArray.from_arrays(ends, corners, type=_STRIPS[1])
-        moving = [_column(_POSITIONS, _pairs(points), points.shape),
-                  _column(_STRIPS, strips, (len(pins), len(lines)))]  # fmt: skip
+        moving = [
+            _column(_POSITIONS, _pairs(points), points.shape),
+            _column(_STRIPS, _strips(lines), (len(pins), len(lines))),
+        ]
         yield f'{self._path}{_MOVING}', stamps, moving
         if loads:
             tips = np.stack([free_ends(line, pins) for line in loads.values()], axis=1)
             words = zip(*drawing.load_values(places, rates).values(), strict=True)
             texts = pa.array([text for row in words for text in row])
-            values = (
+            values = [
                 _column(_POSITIONS, _pairs(tips), tips.shape),
                 _column(_LABELS, texts, tips.shape),
-            )
-            yield f'{self._path}{_LOADS}', stamps, [*values]
+            ]
+            yield f'{self._path}{_LOADS}', stamps, values
 
     def constants(self) -> dict[str, list[rr.AsComponents]]:
         """Returns the components that are sent once, by entity: colours, labels, paths, ground."""
@@ -227,6 +234,14 @@ class RerunDrawing:
             axis_x=rrb.archetypes.TimeAxis(view_range=last),
             plot_legend=rrb.PlotLegend(corner='LeftTop', visible=shown is None),
         )
+
+
+def _strips(lines: Sequence[Array]) -> pa.Array:
+    """Returns the lines of n drawings, each of shape (n, k, 2), as strips for Rerun."""
+    corners = np.concatenate(lines, axis=1)
+    lengths = np.tile([line.shape[1] for line in lines], len(corners))
+    ends = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
+    return pa.ListArray.from_arrays(ends, _pairs(corners), type=_STRIPS[1])
 
 
 def blueprint(drawings: Collection[RerunDrawing]) -> rrb.Blueprint:
