@@ -137,6 +137,17 @@ SLOTS = {
 }  # fmt: skip
 
 
+def require_in_slot(line):
+    """Checks that a link's line has a slot around a block.
+
+    Args:
+        line: Corners of the link's line, from the middle of the block, in its axes and lengths.
+    """
+    for side in (0.45, -0.45):
+        on_side = line[abs(line.imag - side) < 1e-6].real
+        assert on_side.min() < -0.5 < 0.5 < on_side.max(), line
+
+
 @pytest.mark.parametrize(('pins', 'frame', 'links', 'block'), SLOTS.values(), ids=SLOTS)
 def test_a_block_is_drawn_at_its_pin_and_its_slot_through_it(pins, frame, links, block):
     used = {*frame, block.pin, *''.join(links.values())}
@@ -155,9 +166,12 @@ def test_a_block_is_drawn_at_its_pin_and_its_slot_through_it(pins, frame, links,
         pin = complex(*solver.point(state, block.pin).position)
         assert corners[:4].mean() == pytest.approx(pin, abs=1e-9)
         way = corners[0] - corners[1]
-        near, far = (slot[-2:] - pin) / way
-        assert abs(near.imag) + abs(far.imag) < 1e-9
-        assert near.real * far.real < 0
+        if block.pin == 'Q':  # the rod slides in the block
+            near, far = (slot[-2:] - pin) / way
+            assert abs(near.imag) + abs(far.imag) < 1e-9
+            assert near.real * far.real < 0
+        else:
+            require_in_slot((slot - pin) / way)
         if place == start:
             assert (way / complex(*block.direction)).imag == pytest.approx(0.0, abs=1e-12)
 
@@ -176,7 +190,9 @@ def test_pins_are_where_the_solver_puts_them(drawn):
 def test_links_have_their_lengths_and_end_at_pins(drawn):
     pins = np.vstack([drawn.pins.T, *np.broadcast_arrays(*drawn.fixed, drawn.pins[:, 0])[:-1]])
     for joint, line in drawn.lines.items():
-        if joint.endswith('slider'):
+        if drawn.drawing._block and joint == 'barrel':  # see test_pins_of_a_lever
+            continue
+        if joint.endswith('slider') or joint == drawn.drawing._block:
             line = line[:, :4].mean(axis=1, keepdims=True)
         else:
             length = getattr(drawn.mechanism.parts()[joint], 'length', None)
@@ -423,10 +439,46 @@ def test_blocks_and_barrels_turn_with_their_guides(name):
         line = (lines[link.name][0] @ (1, 1j) - pin) / way  # in the axes of the guide
         if link.name.endswith('slider'):
             carrier = lines[structure.links[link.parent].name][0] @ (1, 1j)
-            start, end = (carrier[-2:] - pin) / way
-            assert abs(start.imag) + abs(end.imag) < 1e-9
-            assert start.real < 0 < end.real
+            require_in_slot((carrier - pin) / (line[0] - line[1]) / way)
             assert abs(line[:4].sum()) < 1e-9  # the corners of the block
         else:  # from the mouth of the barrel to the pin
             assert abs(line[:2].imag).max() < 1e-9
             assert line[1] == pytest.approx(0.0, abs=1e-9)
+
+
+def slotted(kind, at=None):
+    """Returns the drawing of a crank whose block slides in a lever, drawn or by lengths."""
+    if kind == 'by lengths':
+        return load('shaper').mechanism
+    links = {'crank': 'OA', 'lever': 'QT' + 'W' * (at is not None)}
+    pins = PINS if at is None else {**PINS, 'W': at}
+    sheet = DrawnMachine(
+        input='crank', frame=[*'OQ'], pins={name: pins[name] for name in 'OAQTW' if name in pins},
+        slides=[DrawnSlide('block', (6, -3), 'A', on='lever')],
+        links=[DrawnLink(name, [*of]) for name, of in links.items()],
+    )  # fmt: skip
+    return sheet.mechanism()
+
+
+@pytest.mark.parametrize('at', [None, (7, 1), (2, 5), (14, -3), (0.5, 4.0), (6.5, 1.0)])
+@pytest.mark.parametrize('kind', ['drawn', 'by lengths'])
+def test_pins_of_a_lever_are_joined_to_its_slot(kind, at):
+    mechanism = slotted(kind, at)
+    drawing, lever = Drawing(mechanism), mechanism.structure().links[1].name
+    points = drawing.place(drawing.positions)
+    line = drawing.links(points)[lever] @ (1, 1j)
+    steps = abs(np.diff(line, axis=1))
+    assert np.ptp(steps, axis=0) == pytest.approx(0.0, abs=1e-9)  # it is rigid
+    assert [*drawing.links(points)] == [*drawing.joints]  # their colours are in this order
+    own = [name for name in (*drawing.pins, *drawing.pivot_names)
+           if name in {'Q', 'T', 'W', 'B0', 'ram_from'}]  # fmt: skip
+    places = np.concatenate([points[0], drawing.pivots]) @ (1, 1j)
+    for name, place in zip((*drawing.pins, *drawing.pivot_names), places, strict=True):
+        assert (name in own) == bool((abs(line[0] - place) < 1e-9).any()), name
+
+
+@pytest.mark.parametrize('name', ['shaper', 'excavator'])
+def test_a_barrel_with_a_pin_beyond_its_rod_is_a_lever_with_a_slot(name):
+    drawing = Drawing(load(name).mechanism, load(name).drive.drawn_angle(load(name).mechanism))
+    assert ('E' in drawing.pins) == (name == 'excavator')
+    assert (drawing.ends['barrel'][1] == 'E') == (name == 'excavator')

@@ -10,7 +10,7 @@ import math
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from linkage_ros.mechanism.structure import Point, Structure
 from linkage_ros.numeric import Array
 from linkage_ros.palette import colors_of
 from linkage_ros.view.load_arrows import Complex, LoadArrows, placed
+from linkage_ros.view.slot import GUIDE, SIDES, Corner, Slot
 
 # Fractions of the size of the picture: a mark, the unit of the lengths below, which is the size of
 # a pivot's triangle; and the maximum length of the scale bar.
@@ -29,30 +30,16 @@ _MARK, _SCALE = 0.04, 0.25
 _PIVOT_HEIGHT = 1.4  # height of a pivot's symbol with its ground, marks
 # Distance of a label from a pin, and from the pin of a slider's block; height of a label; marks.
 _LABEL_DISTANCE, _LABEL_BEYOND_BLOCK, _LABEL_HEIGHT = 1.5, 1.9, 1.4
-# Corners of a block and midpoints of its sides, marks; their order along its outline; the numbers
-# of the ends of its guide; and how far the guide exceeds the stroke, marks.
+# Corners of a block and midpoints of its sides, marks; their order along its outline; how far its
+# guide exceeds the stroke, and half the width of its slot, marks.
 _BLOCK = np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j, 1, -1, -0.6j])
-_OUTLINE, _GUIDE = (0, 1, 2, 3, 0), (7, 8)
-_BEYOND = 1.6
+_OUTLINE = (0, 1, 2, 3, 0)
+_BEYOND, _HALF_SLOT = 1.6, 0.9
 _STEPS_PER_TURN = 360
 _BEFORE_END = 1e-9  # distance from the ends of an arc or of a dyad's reach, relative to its length
 # Grid of crank angles and slider positions of a mechanism with a free slider.
 _ANGLES, _POSITIONS = 72, 121
 _SAME_PLACE = 1e-9  # distance of points at one place, relative to the largest distance
-
-
-class _Corner(NamedTuple):
-    """A corner of a drawn link that is no point of the structure.
-
-    Attributes:
-        start: Name of the point from which it is placed.
-        arm: Vector from there, in the axes of a link, m.
-        spin: Index of that link; None for the axes of base_link.
-    """
-
-    start: str
-    arm: complex
-    spin: int | None
 
 
 class Drawing:
@@ -70,8 +57,8 @@ class Drawing:
         unnamed: The mouth of a barrel in a drawing, which has no pin there; else ''.
         pins: Names of the moving points, in the order in which `place` returns them.
         ends: Both pins of each link that turns, and of the rod of a cylinder, whose other end is
-            the mouth of its barrel; a link with a slot ends where the slot ends. In the order of
-            `joints`.
+            the mouth of its barrel; a lever that turns about its only pin ends at its slot. In the
+            order of `joints`.
         owners: Names of the links that own the moving points, by point; the path of a point has
             the colour of its owner. Points on the circle of the crank pin have no owner.
         loaded: Names of the arrows of the loads; see `LoadArrows`.
@@ -97,11 +84,12 @@ class Drawing:
         self._links = structure.links
         self.joints = tuple(link.name for link in self._links)
         self.colors = colors_of(self.joints)
-        self._block = mechanism.drawn.block if mechanism.drawn else ''
-        self._has_slots = mechanism.drawn is not None  # a cylinder of a drawing is no dyad
-        self.unnamed = structure.mouth if mechanism.drawn and not self._block else ''
         self.turning = tuple(link.name for link in self._links if not link.slides)
         self.positions = positions = _reach(mechanism, crank_angle)
+        drawn = mechanism.drawn
+        self._block = drawn.block if drawn else _block_of_lever(structure, positions)
+        self._has_slots = drawn is not None  # a cylinder of a drawing is no dyad
+        self.unnamed = structure.mouth if drawn and not self._block else ''
         self._find_points(structure, positions)
         asides = self._find_owners(structure)
         swept = self.place(positions)
@@ -110,7 +98,7 @@ class Drawing:
         self.paths = {
             pin: swept[:, self.pins.index(pin)] for pin in self.owners if mechanism.reach()
         }
-        self._connect(asides, self._hidden(mechanism, positions))
+        self._connect(asides, self._hidden(mechanism, positions), positions)
         self.ground = self._ground(swept)
         self.pivot_labels = self._pivot_labels(swept)
         self._arrows = LoadArrows(mechanism, self._mark, positions)
@@ -248,29 +236,29 @@ class Drawing:
         self._pairs[j - 1] = pivot, pin
         if self._block == turning:
             self._blocks[j - 1] = pivot
-            self.ends[sliding] = f'{j - 1} {_GUIDE[-1]}', pin
+            self.ends[sliding] = f'{j - 1} {GUIDE[-1]}', pin
         else:
             self._blocks[j] = pin
-            self.ends[turning] = pivot, f'{j} {_GUIDE[-1]}'
+            self.ends[turning] = pivot, f'{j} {GUIDE[0]}'
 
-    def _hidden(self, mechanism: Mechanism, positions: Array) -> dict[str, '_Corner']:
+    def _hidden(self, mechanism: Mechanism, positions: Array) -> dict[str, Corner]:
         """Places the corners that are no points of the structure.
 
         They are the mouths of dyads' barrels and, for each block, named by the index of its link
         and a number, its four corners, the midpoints of three of its sides and, if its guide
-        moves, the ends of the guide.
+        moves, the ends of the guide and the corners of its slot.
         """
-        structure, found = mechanism.structure(), dict[str, _Corner]()
+        structure, found = mechanism.structure(), dict[str, Corner]()
         for j, name in self._mouths.items():
             nearest, farthest = positions[:, j].min(), positions[:, j].max()
             inner = nearest if nearest > self._mark else farthest
             pivot, _ = self.ends[self.joints[j - 1]]
-            found[name] = _Corner(pivot, inner + self._links[j].origin, j - 1)
+            found[name] = Corner(pivot, inner + self._links[j].origin, j - 1)
         for j, pin in self._blocks.items():
             spin, guide = axes_of(self._links, j)
             axis = cmath.rect(1.0, guide or 0.0)
             block = self._mark * axis * _BLOCK
-            found |= {f'{j} {i}': _Corner(pin, x, spin) for i, x in enumerate(block.tolist())}
+            found |= {f'{j} {i}': Corner(pin, x, spin) for i, x in enumerate(block.tolist())}
             link, room = self._links[j], _BEYOND * self._mark
             if link.parent is not None:
                 (spin, above), stroke = axes_of(self._links, link.parent), positions[:, j]
@@ -282,8 +270,10 @@ class Drawing:
                 ends = [-x - rod.origin for x in _beyond(positions[:, j + 1], room)]
             else:
                 continue
-            for i, end in zip(_GUIDE, ends, strict=True):
-                found[f'{j} {i}'] = _Corner(start, end, spin)
+            across = _HALF_SLOT * self._mark * (1j * (ends[1] - ends[0]) / abs(ends[1] - ends[0]))
+            for numbers, aside in zip((GUIDE, *SIDES), (0j, across, -across), strict=True):
+                for i, end in zip(numbers, ends, strict=True):
+                    found[f'{j} {i}'] = Corner(start, end + aside, spin)
         spins = {corner.spin for corner in found.values() if corner.spin is not None}
         self._turned = {j: self._axis_of(j, mechanism) for j in spins}
         return found
@@ -303,16 +293,24 @@ class Drawing:
         one, other = (structure.points[x].weights[j] for x in (start, end))
         return start, end, other - one or mechanism.parts()[name].length, None
 
-    def _connect(self, asides: dict[str, str], hidden: dict[str, '_Corner']) -> None:
+    def _connect(
+        self, asides: dict[str, str], hidden: dict[str, Corner], positions: Array
+    ) -> None:
         """Determines the corners of the links and the directions that labels must avoid."""
+        at = self._places(hidden, positions)
         carried: dict[str, list[str]] = {link: [] for link in self.joints}
         for point, link in asides.items():
             carried[link].append(point)
-        shapes: dict[str, list[str]] = {}
-        for link, ends in self.ends.items():
-            shapes[link] = [*ends]
-            for i, point in enumerate(carried[link]):
-                shapes[link] += [point, ends[i % 2]]  # a triangle with both ends
+        slots: dict[str, list[Slot]] = {link: [] for link in self.joints}
+        for j in self._blocks:
+            carrier = self._links[j].parent
+            if j not in self._pairs and carrier is not None:
+                slots[self.joints[carrier]].append(Slot(j, at, hidden))
+        shapes = {
+            link: _shape(ends, carried[link], slots[link]) for link, ends in self.ends.items()
+        }
+        names = [*self.pins, *self.pivot_names, *hidden]
+        self._shown, self._more = names, [*hidden.values()]
         sides = [side for shape in shapes.values() for side in pairwise(shape)]
         for j, pin in self._blocks.items():
             block, points = [f'{j} {i}' for i in range(len(_BLOCK))], carried[self.joints[j]]
@@ -322,15 +320,14 @@ class Drawing:
             for point in points:
                 shape += [pin, point]
                 sides.append((pin, point))
+            for slot in slots[self.joints[j]]:
+                shape += [block[4], pin, *slot.joined([pin]), pin, block[4]]
             shapes[self.joints[j]] = shape
             sides += [(pin, middle) for middle in block[4:]]
         for j in self._blocks:
-            carrier = j + 1 if j in self._pairs else self._links[j].parent
-            if carrier is not None:
-                shapes[self.joints[carrier]] += [f'{j} {i}' for i in _GUIDE]
-        names = [*self.pins, *self.pivot_names, *hidden]
-        self._shown, self._more = names, [*hidden.values()]
-        self._corners = {link: [*map(names.index, shape)] for link, shape in shapes.items()}
+            if j in self._pairs:  # a rod slides in this block
+                shapes[self.joints[j + 1]] += [f'{j} {i}' for i in GUIDE]
+        self._corners = {link: [*map(names.index, shapes[link])] for link in self.joints}
         sides += [side[::-1] for side in sides]
         ways = [[names.index(end) for start, end in sides if start == pin] for pin in self.pins]
         most = max(map(len, ways))
@@ -340,6 +337,13 @@ class Drawing:
             for pin in self.pins
         ]
         self._distances = self._mark * np.array(distances)[:, np.newaxis]
+
+    def _places(self, hidden: dict[str, Corner], positions: Array) -> dict[str, complex]:
+        """Returns the places of all pins and corners in the first position, m."""
+        names = [*self.pins, *self.pivot_names, *hidden]
+        self._shown, self._more = names, [*hidden.values()]
+        (corners,) = self._all_corners(self.place(positions[:1])) @ (1, 1j)
+        return dict(zip(names, corners.tolist(), strict=True))
 
     def place(self, position: Array) -> Array:
         """Computes the positions of the moving points.
@@ -428,6 +432,18 @@ class Drawing:
         return np.asarray(apart / (place + 1j * offset))
 
 
+def _shape(ends: tuple[str, str], points: list[str], slots: list[Slot]) -> list[str]:
+    """Returns the corners of a link that turns, by its ends, further points, and slots."""
+    if slots and ends[1] == slots[0].near:
+        return slots[0].joined([ends[0], *points])
+    shape = [*ends]
+    for i, point in enumerate(points):
+        shape += [point, ends[i % 2]]  # a triangle with both ends
+    for slot in slots:
+        shape += slot.joined([min((*ends, *points), key=slot.distance)])
+    return shape
+
+
 def free_ends(arrows: Array, pins: Array) -> Array:
     """Returns the end of each arrow that is farther from the pins, where its value fits.
 
@@ -475,6 +491,27 @@ def _reach(mechanism: Mechanism, crank_angle: float) -> Array:
     # Loads do not change the positions, but with friction, not all of them have forces.
     moving = Solver(replace(cast('Any', mechanism), loads=()))
     return np.stack(moving.state(crank).position, axis=-1)
+
+
+def _block_of_lever(structure: Structure, positions: Array) -> str:
+    """Returns the rod of the loop if its barrel must be a lever with a slot, otherwise ''.
+
+    A barrel that has a point farther out than the rod's pin comes is no cylinder's.
+
+    Args:
+        structure: Structure of a mechanism that is given by lengths.
+        positions: Positions of the links in reach, rad and m, shape (n, links).
+    """
+    (_, last), *_ = structure.closures
+    barrel = structure.links[last].parent
+    if structure.links[last].is_guided or not structure.links[last].slides or barrel is None:
+        return ''
+    arms = [
+        point.weights[barrel].real
+        for name, point in structure.points.items()
+        if name != structure.mouth and any(point.weights) and not any(point.weights[:barrel])
+    ]
+    return structure.links[last].name if max(arms, default=0.0) > positions[:, last].min() else ''
 
 
 def _area(solver: Solver, start: float) -> Array:
