@@ -445,7 +445,7 @@ def test_two_legs_of_a_robot_are_linkages_of_one_node(launched, called, tmp_path
     configuration = configure(values)
     assert [linkage.name for linkage in configuration.linkages] == ['l_leg', 'r_leg']
     assert {x.session.frame_id for x in configuration.linkages} == {
-        'a/l_thigh_plane', 'a/r_thigh_plane',
+        'a/l_leg_plane', 'a/r_leg_plane',
     }  # fmt: skip
     model = ET.fromstring(values_of(nodes['linkage_state_publisher'])['robot_description'])
     renamed = {joint.get('name') for joint in model.iter('joint') if ',' in joint.get('name')}

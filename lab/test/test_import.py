@@ -795,6 +795,8 @@ def test_legs_are_appended_to_one_file_as_linkages_of_one_node(called, run, tmp_
         assert all(found[x] == alone[x] for x in found if x.endswith(('length', 'mass', 'center')))
         assert linkage.crank_joint == f'{linkage.name}_motor'
         assert linkage.session.plane.link == robot.session.plane.link
+        # Linkages of one link may have different planes.
+        assert linkage.session.frame_id == f'{linkage.name}_plane'
     before = out.read_bytes()
     rest = (*own, '-o', out, '--linkage')
     assert_refused(*called(import_tool, model, *rest, 'right'), 'give --overwrite to replace')

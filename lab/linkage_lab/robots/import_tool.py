@@ -117,7 +117,7 @@ def text_with(found: RobotDrawing, source: str, linkage: str, text: str) -> str:
         )
     names = [name for name in list_line[1].split(', ') if name]
     head = f'    {linkage}:'
-    group = [head, *_lines(_tree(file_values(found)), '      ')]
+    group = [head, *_lines(_tree(file_values(found, linkage)), '      ')]
     if linkage not in names:
         longer_list = f'{_LIST}{", ".join([*names, linkage])}]'
         return '\n'.join((text.replace(list_line[0], longer_list).rstrip(), *group, ''))
@@ -132,11 +132,17 @@ def text_with(found: RobotDrawing, source: str, linkage: str, text: str) -> str:
     return '\n'.join((*lines, ''))
 
 
-def file_values(found: RobotDrawing) -> dict[str, object]:
-    """Returns the parameters of the linkage of a robot, by name, without those of the run."""
+def file_values(found: RobotDrawing, linkage: str = '') -> dict[str, object]:
+    """Returns the parameters of the linkage of a robot, by name, without those of the run.
+
+    Args:
+        found: The linkage.
+        linkage: Its name; empty for the only one.
+    """
     frame = found.bodies[FRAME][0]
     # The plane is a frame of its own: traced points are in its axes, not in those of the link.
-    frame_id = re.sub('[^A-Za-z0-9_./-]', '_', f'{frame}_plane')
+    # Linkages of one link may have different planes.
+    frame_id = re.sub('[^A-Za-z0-9_./-]', '_', f'{linkage or frame}_plane')
     origin, x, y, _ = ((axis + 0.0).tolist() for axis in found.axes)
     values = {
         'mechanism': 'drawing',
@@ -294,7 +300,7 @@ def _text(options: argparse.Namespace, found: RobotDrawing) -> tuple[str, list[s
     if not options.linkage:
         return parameter_text(found, source), []
     try:
-        left_out = _left_out(options, file_values(found))
+        left_out = _left_out(options, file_values(found, options.linkage))
         text = out.read_text(encoding='utf-8') if out.exists() else ''
         return text_with(found, source, options.linkage, text), left_out
     except ConfigurationError as error:
