@@ -158,19 +158,17 @@ class Crank:
             MechanismError: No torque keeps this speed.
         """
 
-        def stronger(torque: float) -> Motor:
-            return Motor(torque, motor.damping)
+        def speed_error(torque: float) -> float:
+            driven = self.cycle(speed, added, Motor(torque, motor.damping))
+            return driven.speed / speed - 1
 
         steady = self.cycle(speed, added)
-        enough = float(steady.torque.mean()) + motor.damping * speed
+        guess = float(steady.torque.mean()) + motor.damping * speed
         try:
-            torque = newton(
-                lambda x: self.cycle(speed, added, stronger(x)).speed / speed - 1, enough,
-                tol=_CLOSE * abs(enough),
-            )  # fmt: skip
+            torque = newton(speed_error, guess, tol=_CLOSE * abs(guess))
         except RuntimeError as error:
             raise MechanismError('no motor torque keeps this speed') from error
-        return stronger(float(torque))
+        return Motor(float(torque), motor.damping)
 
     @np.errstate(all='ignore')  # an iteration that fails may overflow or underflow
     def cycle(self, speed: float, added: float, motor: Motor | None = None) -> Cycle:

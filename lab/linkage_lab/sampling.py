@@ -48,9 +48,13 @@ def samples(
     Corners of loads, and bends of friction, depend on the speed of the crank, rad/s, and on its
     acceleration, rad/s^2.
     """
-    moving = functools.cache(functools.partial(without_loads, solver))
+
+    @functools.cache  # made only if `with_breaks` needs states
+    def unloaded() -> Solver:
+        return without_loads(solver)
+
     crank = solver.reach.samples(steps_per_turn)
-    return with_breaks(crank, solver, lambda angles: moving().state(angles, speed, acceleration))
+    return with_breaks(crank, solver, lambda angles: unloaded().state(angles, speed, acceleration))
 
 
 def without_loads(solver: Solver) -> Solver:

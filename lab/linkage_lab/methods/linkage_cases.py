@@ -171,7 +171,7 @@ class LinkageCase(Case):
             return [attempt(function, crank) for crank in self.cranks.tolist()]
 
         def rows_of(cranks: Array) -> list[list[float]]:
-            *columns, _ = np.broadcast_arrays(*function(cranks), cranks)
+            columns = [np.broadcast_to(column, cranks.shape) for column in function(cranks)]
             return [*np.stack(columns, -1).tolist()]
 
         with np.errstate(all='ignore'), suppress(LinkageError, *FAILURES):

@@ -129,6 +129,7 @@ def integrate(
     rows: list[Row] = []
 
     def append_rows() -> Sequence[float]:
+        """Appends a row for each time, until an error."""
         integrator = solve(problem, dict(setting))
         for time in times:
             phase = integrator.at(time)

@@ -250,7 +250,7 @@ def _shooting(
     pace = torque / damping if damping else max(speeds)
     shooting = Shooting(mechanism, torque, damping, pace)
     x, v = mechanism.slider.position, mechanism.slider.velocity
-    shooting.solver.accelerations((0.0, x), (max(speeds), v), torque)
+    shooting.solver.accelerations((0.0, x), (max(speeds), v), torque)  # raises UnreachableError
     return shooting
 
 

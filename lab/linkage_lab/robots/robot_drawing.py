@@ -175,9 +175,14 @@ class _Poser:
             for joint, half_turn in zip(joints, half_turns, strict=True):
                 start[joint] = self.values.get(joint, 0.0) + half_turn
             start[self.driven.joint] = value
-            if closed := self.plane.closed(start):
-                trials = (self._tried(closed, x, refusals) for x in self.artist.blocks())
-                yield from itertools.islice(filter(None, trials), 1)
+            closed = self.plane.closed(start)
+            if closed is None:
+                continue
+            for blocks in self.artist.blocks():
+                drawn = self._tried(closed, blocks, refusals)
+                if drawn:
+                    yield drawn
+                    break
 
     def _tried(
         self,
