@@ -129,7 +129,6 @@ def integrate(
     rows: list[Row] = []
 
     def append_rows() -> Sequence[float]:
-        """Appends a row for each time, until an error."""
         integrator = solve(problem, dict(setting))
         for time in times:
             phase = integrator.at(time)
@@ -138,9 +137,9 @@ def integrate(
             rows.append(with_gap(problem, phase))
         return ()
 
-    failed_row = attempt(append_rows)  # only if an error ended it before the last time
-    if len(rows) < len(times):
-        rows.append(failed_row)
+    result = attempt(append_rows)
+    if len(rows) < len(times):  # an error ended the motion, and the result is that of an error
+        rows.append(result)
     return rows
 
 

@@ -134,20 +134,28 @@ class Artist:
         )
 
     def _require_pins(self) -> None:
+        """Requires two pins of each body, or one if it slides or is a guide.
+
+        Raises:
+            ConfigurationError: A body has fewer.
+        """
         sliding = [body for step in self.slides for body in (step.near, step.far)]
         for body in self.loops.bodies[1:]:
+            name = self.loops.tree.name(body)
             own = [pin for pin in self.pins if body in pin.places]
-            if len(own) + (body in sliding) < 2:
-                raise ConfigurationError(
-                    f'all pins of {self.loops.tree.name(body)} are in one place: a link of the '
-                    'loop needs a length'
-                )
             if not own:
+                raise ConfigurationError(f'{name} only slides: a link of the loop needs a pin')
+            if len(own) == 1 and body not in sliding:
                 raise ConfigurationError(
-                    f'{self.loops.tree.name(body)} only slides: a link of the loop needs a pin'
+                    f'all pins of {name} are in one place: a link of the loop needs a length'
                 )
 
     def _require_one_motor(self) -> None:
+        """Requires loops with one degree of freedom.
+
+        Raises:
+            ConfigurationError: They have another number.
+        """
         joints = len(self.slides) + sum(len(pin.places) - 1 for pin in self.pins)
         free = 3 * (len(self.loops.bodies) - 1) - 2 * joints
         if free == 1:

@@ -308,12 +308,12 @@ class _Reader:
         if number:
             first = int(body.jntadr[0])
             joints = [self.model.joint(first + i) for i in range(int(body.jntnum[0]))]
-            between = [f'{name}, before {joint.name}' for joint in joints[1:]]
             parent = self.bodies[int(body.parentid[0])]
             pose = Transform(from_quaternion(*body.quat), body.pos)
             if not joints:
                 self.joints.append(Joint('', FIXED, parent, name, pose))
-            for joint, child in zip(joints, [*between, name], strict=False):
+            for i, joint in enumerate(joints, 1):
+                child = name if i == len(joints) else f'{name}, before {joints[i].name}'
                 self._take_joint(joint, parent, child, pose)
                 self.links.setdefault(child, None)
                 parent, pose = child, IDENTITY

@@ -40,7 +40,7 @@ def notes_of(
 
 
 def _simplified(loops: Loops, plane: Plane) -> Iterator[str]:
-    """Yields what the model has and the linkage has not, and what is assumed."""
+    """Yields properties of the model that the linkage does not have, and assumptions."""
     for name, angle in plane.tilts:
         yield (
             f'the axis of {name} is {angle:.4g} rad ({math.degrees(angle):.3g} deg) off, but '
