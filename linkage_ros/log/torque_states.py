@@ -100,9 +100,11 @@ class DrivenStates(SegmentStates):
         solver, link, under = driven.solver, self._driven_link, Conditions(forces=forces)
         table, unwrapped = self._read(rows)
         positions, rates, accelerations, efforts = table
-        # Kept for `take`: the states as columns, and the components of their live forces.
-        self._states = np.array([*self._with_driven(positions, unwrapped), *rates, efforts[link]])
-        self._forces = np.array([np.broadcast_to(x, len(unwrapped)) for x in under.values])
+        if not is_noisy():
+            # Kept for `take`: the states as columns, and the components of their live forces.
+            columns = [*self._with_driven(positions, unwrapped), *rates, efforts[link]]
+            self._states = np.array(columns)
+            self._forces = np.array([np.broadcast_to(x, len(unwrapped)) for x in under.values])
         moving = solver.structure.indices_of(solver.coordinates)
         q, u, a = (tuple(values[moving]) for values in (positions, rates, accelerations))
         # Use the logged torque of live runs, because it includes commands.
