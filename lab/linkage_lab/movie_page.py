@@ -362,7 +362,7 @@ def _still_lines(linkage: _Linkage, canvas: _Canvas) -> Iterator[str]:
     yield f'<polyline points="{_spaced(bar)}" stroke="rgb{GREY}"/>'
     yield (
         f'<text class="tick" x="{bar[2, 0] + 6:.1f}" y="{canvas.height - 8}">'
-        f'{drawing.scale_length:g} m</text>'
+        f'{drawing.scale_label}</text>'
     )
 
 

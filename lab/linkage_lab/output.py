@@ -6,6 +6,7 @@ import argparse
 import csv
 import io
 import json
+import math
 import os
 import platform
 import re
@@ -155,7 +156,12 @@ class Stopwatch:
 
 def rounded(value: float) -> str:
     """Writes a number with four significant digits, below ten millions without an exponent."""
-    return f'{float(f"{value:.4g}"):.7g}'
+    return f'{float(f"{value:.4g}") + 0.0:.7g}'
+
+
+def in_degrees(angle: float, digits: int = 5) -> str:
+    """Writes an angle, rad, in degrees; rounding errors of 0 are 0."""
+    return f'{round(math.degrees(angle), 9) + 0.0:.{digits}g} deg'
 
 
 def dash(number: int) -> Any:

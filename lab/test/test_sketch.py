@@ -11,7 +11,9 @@ from matplotlib.figure import Figure
 
 from linkage_lab import command_line
 from linkage_lab.charts.sketch import _zero, describe, draw_sketch, sketch_of
+from linkage_lab.output import in_degrees, rounded
 from linkage_ros import ConfigurationError
+from linkage_ros.internals import UNITS
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.presets import preset_names
 
@@ -173,3 +175,14 @@ def test_lengths_are_in_the_unit_of_the_drawing(unit):
     (frame,) = (line for line in lines if line.startswith('frame: '))
     assert frame.endswith('Q (0.4, 0)')
     assert any(f'lengths in {unit},' in line for line in lines)
+    number, its_unit = sketched.drawing.scale_label.split()
+    assert its_unit == unit
+    assert number in {'0.05', '0.1', '0.2'}
+    start, end = sketched.drawing.scale[1:3]
+    assert math.dist(start, end) / float(UNITS[unit]) == pytest.approx(float(number))
+
+
+@pytest.mark.parametrize('angle', [-1e-17, -0.0, math.radians(180.0)])
+def test_a_rounding_error_of_zero_has_no_sign(angle):
+    assert in_degrees(angle) in {'0 deg', '180 deg'}
+    assert rounded(-0.0) == '0'

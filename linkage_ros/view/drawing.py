@@ -17,6 +17,7 @@ import numpy as np
 from linkage_ros.errors import UnreachableError
 from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.base import Mechanism
+from linkage_ros.mechanism.exact import UNITS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Point, Structure
 from linkage_ros.numeric import Array
@@ -68,19 +69,23 @@ class Drawing:
         ground: Drawing of the fixed link, lines of shape (n, 2), m.
         scale: A scale bar below the drawing, a line of shape (4, 2), m.
         scale_length: Length of the scale bar, m.
+        scale_label: The same in words, such as '50 mm'.
         bounds: Lower left and upper right corner of the picture in all positions that the links
             can reach, shape (2, 2), m.
     """
 
-    def __init__(self, mechanism: Mechanism, crank_angle: float = 0.0) -> None:
+    def __init__(
+        self, mechanism: Mechanism, crank_angle: float = 0.0, *, units: str = 'm'
+    ) -> None:
         """Computes the fixed parts of the drawing.
 
         Args:
             mechanism: Mechanism to draw.
             crank_angle: Crank angle at the start, rad; it selects the arc of a crank that cannot
                 turn fully.
+            units: Unit of the scale bar: 'm', 'cm', 'mm' or 'in'.
         """
-        structure = mechanism.structure()
+        self._units, structure = units, mechanism.structure()
         self._links = structure.links
         self.joints = tuple(link.name for link in self._links)
         self.colors = colors_of(self.joints)
@@ -190,7 +195,10 @@ class Drawing:
         mark = self._mark
         low, high = everything.min(axis=0), everything.max(axis=0)
         room = (_LABEL_DISTANCE + _LABEL_HEIGHT) * mark  # room for the names of the pins
-        self.scale_length = length = _round_below(_SCALE * (high - low).max())
+        unit = float(UNITS[self._units])
+        count = _round_below(_SCALE * (high - low).max() / unit)
+        self.scale_length = length = count * unit
+        self.scale_label = f'{count:g} {self._units}'
         end = 0.4 * mark  # the ends of the bar are turned up
         self.scale = low - room + np.array([(0, end), (0, 0), (length, 0), (length, end)])
         self.bounds = np.array([low - room - [mark, 2 * mark], high + room])

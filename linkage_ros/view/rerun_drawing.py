@@ -161,7 +161,7 @@ class RerunDrawing:
                     radii=_THIN, colors=[GREY] * len(grey_lines) + path_colors,
                 ),
                 _points([*drawing.pivot_labels, scale_label, *drawing.pivots],
-                        [*drawing.pivot_names, f'{drawing.scale_length:g} m'],
+                        [*drawing.pivot_names, drawing.scale_label],
                         pins=len(drawing.pivots)),
             ],
             _LOADS: [rr.Points2D.from_fields(colors=SECOND, radii=0.0, show_labels=True)],

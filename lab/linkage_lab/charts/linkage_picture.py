@@ -112,8 +112,9 @@ class LinkagePicture:
         below = 0.0, 0.06 * (high - low).max()
         scale = drawing.scale - drawing.scale.min(axis=0) + low - below
         self._plot(scale, GREY, linewidth=0.9)
-        length = f'{drawing.scale_length:g} m'
-        return self._axes.annotate(length, tuple(scale[2]), xytext=(5, 0), **NAME_STYLE)
+        return self._axes.annotate(
+            drawing.scale_label, tuple(scale[2]), xytext=(5, 0), **NAME_STYLE
+        )
 
     def _set_limits(self) -> None:
         """Sets equal scales, and margins with room for names."""

@@ -22,6 +22,7 @@ from linkage_lab.output import (
     SMALL,
     WIDTH,
     chart,
+    in_degrees,
     load_pose,
     name_of,
     pictures,
@@ -75,7 +76,7 @@ class Sketched:
     @functools.cached_property
     def drawing(self) -> Drawing:
         """The drawing of the mechanism."""
-        return Drawing(self.design.mechanism, self.place)
+        return Drawing(self.design.mechanism, self.place, units=self.unit)
 
     @property
     def positions(self) -> Array:
@@ -273,23 +274,19 @@ def _position(sketched: Sketched, j: int) -> str:
     value = sketched.state.position[j]
     if sketched.solver.structure.links[j].slides:
         return f'{sketched.length(value)} {sketched.unit}'
-    return f'{math.degrees(value):.5g} deg'
+    return in_degrees(value)
 
 
 def _link(sketched: Sketched, j: int) -> str:
     """Describes a link: its axes, length and mass."""
     structure = sketched.solver.structure
     link, part = structure.links[j], sketched.design.mechanism.parts()[structure.links[j].name]
-    degrees = math.degrees(sketched.direction(j))
-    degrees = math.degrees(math.remainder(math.radians(degrees), math.tau))
     position = _position(sketched, j)
     if link.slides:
         on = 'the frame' if link.parent is None else structure.links[link.parent].name
         zero = _zero(sketched, j)
-        words = (
-            f'slides on {on} at {position}, 0 at {sketched.at(zero)}, + towards '
-            f'{round(degrees, 9) + 0.0:.5g} deg'
-        )
+        way = in_degrees(math.remainder(sketched.direction(j), math.tau))
+        words = f'slides on {on} at {position}, 0 at {sketched.at(zero)}, + towards {way}'
     else:
         start, end = _ends(sketched, j)
         ends = f'from {start} to {end}, ' if end else f'turns about {start}, '
