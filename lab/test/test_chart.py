@@ -264,8 +264,12 @@ def test_pins_are_named_in_the_drawing(drawn, preset):
     }[preset]
     texts = {text.get_text(): text for text in drawing.texts}
     pins = [texts[name] for name in names]
-    (scale,) = (text for text in drawing.texts if text.get_text().endswith(' m'))
-    assert re.fullmatch(r'([125]|0\.0*[125]) m', scale.get_text())
+    (scale,) = (
+        text
+        for text in drawing.texts
+        if text.get_text().endswith(('0 m', '1 m', '2 m', '5 m', ' mm'))
+    )
+    assert re.fullmatch(r'([125]0*|0\.0*[125]) m?m', scale.get_text())
     # Each name is nearest to its own pin.
     places = drawing.transData.transform([text.xy for text in pins])
     for number, text in enumerate(pins):

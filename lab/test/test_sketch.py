@@ -10,7 +10,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from linkage_lab import command_line
-from linkage_lab.charts.sketch import _zero, describe, draw_sketch, sketch_of
+from linkage_lab.charts import sketch
+from linkage_lab.charts.sketch import _bars, _zero, describe, draw_sketch, sketch_of
 from linkage_lab.output import in_degrees, rounded
 from linkage_ros import ConfigurationError
 from linkage_ros.internals import UNITS
@@ -30,6 +31,19 @@ JANSEN = {
     'drawing.links.c.pins': ['Z', 'C'], 'drawing.links.f.pins': ['D', 'E'],
     'drawing.links.ghi.pins': ['C', 'E', 'F'],
     'loads.ground.kind': 'force', 'loads.ground.pin': 'F', 'loads.ground.force': [0.0, 20.0],
+}  # fmt: skip
+# Joseph Klann's leg, with the lengths of its patent, mm; two of its links are narrow triangles.
+KLANN = {
+    'mechanism': 'drawing', 'rpm': 60.0, 'drawing.units': 'mm', 'drawing.input': 'crank',
+    'drawing.frame': ['O', 'U', 'W'],
+    'drawing.pins.O': [0.0, 0.0], 'drawing.pins.U': [-23.3, 61.6],
+    'drawing.pins.W': [-59.0, -17.6], 'drawing.pins.M': [0.0, 26.8],
+    'drawing.pins.elbow': [-57.698, 14.4736], 'drawing.pins.knee': [-105.0273, -7.5441],
+    'drawing.pins.hip': [-72.9884, 76.239], 'drawing.pins.foot': [-90.5512, -96.0683],
+    'drawing.links.crank.pins': ['O', 'M'], 'drawing.links.arm.pins': ['M', 'elbow', 'knee'],
+    'drawing.links.lower_rocker.pins': ['W', 'elbow'],
+    'drawing.links.upper_rocker.pins': ['U', 'hip'],
+    'drawing.links.leg.pins': ['hip', 'knee', 'foot'],
 }  # fmt: skip
 LENGTHS = '15', '50', '41.5', '39.3', '40.1', '55.8', '39.4', '36.7', '65.7', '49', '61.9'
 GAS = {
@@ -100,6 +114,38 @@ def test_lengths_of_jansens_leg_are_the_published_ones():
     assert 'ground 20 N' in texts
     (title, *_) = describe(sketch_of(configure(JANSEN).only))
     assert title.startswith('eight-bar (four_bar + 2 dyads): ')
+
+
+@pytest.mark.parametrize('source', [JANSEN, GAS, KLANN, 'shaper'])
+def test_each_bar_is_in_the_words_and_has_at_most_one_dimension(source):
+    sketched = sketch_of(design_of(source).only)
+    texts, _ = written(design_of(source))
+    words = {line.partition(': ')[0]: line for line in describe(sketched)}
+    for link in sketched.drawing.turning:
+        for start, end in _bars(sketched, link):
+            assert f' {sketched.length(abs(end - start))}' in words[link]
+            shown = sketched.length(abs(end - start), 4)
+            bars = [bar for one in sketched.drawing.turning for bar in _bars(sketched, one)]
+            assert texts.count(shown) <= sum(
+                sketched.length(abs(x - y), 4) == shown for x, y in bars
+            )
+
+
+def test_pins_on_a_bar_divide_its_dimension():
+    bar = {**GAS, 'drawing.pins.P': [85.0, 65.0]}  # the middle of A and B
+    sketched = sketch_of(configure(bar).only)
+    assert {*_bars(sketched, 'coupler').values()} == {'A to P', 'P to B'}
+
+
+def test_a_dimension_without_room_at_its_bar_is_left_to_the_words(monkeypatch):
+    dimensions = {'59', '52.2', '110.5', '173.2'}
+    monkeypatch.setattr(sketch, '_NEAR_BAR', math.inf)
+    assert dimensions <= {*written(configure(KLANN))[0]}
+    monkeypatch.setattr(sketch, '_NEAR_BAR', 1.0)
+    assert not dimensions & {*written(configure(KLANN))[0]}
+    words = ' '.join(describe(sketch_of(configure(KLANN).only)))
+    assert all(f' {x}' in words for x in dimensions)
+    assert 'knee to M 110.5' in words
 
 
 def test_pin_that_joins_three_links_has_one_name():

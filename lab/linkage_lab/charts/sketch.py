@@ -46,6 +46,11 @@ HIGH, _LINE, _ROOM = 6.2, 0.165, 0.35
 _CHARACTERS = 118  # in a line of text
 _ARROW = 9.0  # length of the arrow of a link's direction, points
 _MARKS = 4.0  # length of the arrow of a slide's direction, in marks of the drawing
+# Places of a dimension along its bar, the preferred ones first; the distance from other lines that
+# is enough, relative to the size of the drawing; and how far from a bar a pin divides it, relative
+# to the length of the bar.
+_SHARES, _ROOM_OF_DIMENSION, _ON_BAR = (0.35, 0.5, 0.65, 0.2, 0.8), 0.06, 0.01
+_NEAR_BAR = 12.0  # largest distance of a dimension from its bar, points
 _DISTANCES = 10.0, 15.0, 22.0, 30.0, 40.0, 55.0, 70.0  # of names, points
 SPRING_STYLE: dict[str, Any] = {
     'color': fractions(DARK), 'linewidth': 1.6, 'linestyle': (0, (1.5, 1.5)),
@@ -293,6 +298,9 @@ def _link(sketched: Sketched, j: int) -> str:
         words = f'{ends}direction {position}'
         if length := getattr(part, 'length', 0.0):
             words += f', length {sketched.length(length)}'
+        for (one, other), name in _bars(sketched, link.name).items():
+            if name not in {f'{start} to {end}', f'{end} to {start}'}:
+                words += f', {name} {sketched.length(abs(other - one))}'
     for name, unit in (('mass', 'kg'), ('inertia', 'kg m^2')):
         if value := getattr(part, name, 0.0):
             words += f', {name} {rounded(value)} {unit}'
@@ -419,6 +427,7 @@ class _Label(NamedTuple):
         way: Preferred direction from there.
         color: Colour of the text.
         bold: Whether the label names a link.
+        is_optional: Whether it is left out if there is no room near its place.
     """
 
     text: str
@@ -426,6 +435,7 @@ class _Label(NamedTuple):
     way: complex
     color: Color
     bold: bool = False
+    is_optional: bool = False
 
 
 def draw_sketch(axes: Axes, sketched: Sketched, *, with_dimensions: bool) -> None:
@@ -461,7 +471,7 @@ def draw_sketch(axes: Axes, sketched: Sketched, *, with_dimensions: bool) -> Non
         lines.append(line)
         labels.append(_name(axes, sketched, drawing, j, line, middle))
     if with_dimensions:
-        labels += _dimensions(sketched, drawing, shown)
+        labels += _dimensions(sketched, drawing, marks)
     _write(axes, picture, labels, marks + lines + drawing.ground)
 
 
@@ -514,25 +524,60 @@ def _name(
     return _Label(link.name, at, side, color, bold=True)
 
 
-def _dimensions(sketched: Sketched, drawing: Drawing, shown: dict[str, Array]) -> Iterator[_Label]:
-    """Yields the distances of pins that are joined by a side of a link that turns."""
-    structure, (places,) = sketched.solver.structure, drawing.place(sketched.positions)
-    # The mouth, where the drawing of a barrel ends, is not a pin.
-    names = [name for name in drawing.pins if name != structure.mouth]
-    pins = [*drawing.pivots, *(places[drawing.pins.index(name)] for name in names)]
-    for link in drawing.turning:
-        (line,) = shown[link]
-        done = set[tuple[complex, complex]]()
-        for side in itertools.pairwise(line):
-            start, end = (complex(*corner) for corner in side)
-            is_of_pins = all(any((corner == pin).all() for pin in pins) for corner in side)
-            if start == end or (end, start) in done or not is_of_pins:
-                continue
-            done.add((start, end))
-            yield _Label(
-                sketched.length(abs(end - start), 4), start + 0.35 * (end - start),
-                1j * (end - start), BLACK,
-            )  # fmt: skip
+def _dimensions(sketched: Sketched, drawing: Drawing, marks: list[Array]) -> Iterator[_Label]:
+    """Yields the lengths of the bars of links that turn.
+
+    Args:
+        sketched: The mechanism.
+        drawing: Its drawing.
+        marks: Other lines, from which dimensions are kept away like from other bars.
+    """
+    bars = [bar for link in drawing.turning for bar in _bars(sketched, link)]
+    others = [*bars, *(pair for line in marks for pair in itertools.pairwise(line @ (1, 1j)))]
+    enough = _ROOM_OF_DIMENSION * float(np.ptp(drawing.bounds, axis=0).max())
+    taken = list[complex]()
+    for start, end in bars:
+        at = [start + share * (end - start) for share in _SHARES]
+        rest = [x for x in others if {*x} != {start, end}] + [(x, x) for x in taken]
+        lines = np.array(rest or [(math.inf, math.inf)])
+        rooms = [min(_room(x, lines), enough) for x in at]
+        place = at[int(np.argmax(rooms))]  # the first of the best
+        taken.append(place)
+        text, way = sketched.length(abs(end - start), 4), 1j * (end - start)
+        yield _Label(text, place, way, BLACK, is_optional=True)
+
+
+def _bars(sketched: Sketched, link: str) -> dict[tuple[complex, complex], str]:
+    """Returns the bars between neighbouring pins of a link: their ends, m, and names of these."""
+    structure, drawing = sketched.solver.structure, sketched.drawing
+    points = drawing.place(sketched.positions)
+    pins = dict(zip(drawing.pins, (points[0] @ (1, 1j)).tolist(), strict=True))
+    pins.pop(structure.mouth, None)  # where the drawing of a barrel ends
+    pins |= zip(drawing.pivot_names, (drawing.pivots @ (1, 1j)).tolist(), strict=True)
+    names = {place: name for name, place in pins.items()}
+    line = (drawing.links(points)[link][0] @ (1, 1j)).tolist()
+    own = [*dict.fromkeys(corner for corner in line if corner in names)]
+    found = dict[tuple[complex, complex], str]()
+    for start, end in itertools.pairwise(line):
+        if start == end or not {start, end} <= {*names}:
+            continue
+        shares = {pin: (pin - start) / (end - start) for pin in own}
+        inner = [
+            pin for pin, x in shares.items() if abs(x.imag) < _ON_BAR and 0.0 < x.real < 1.0
+        ]  # they divide the bar
+        chain = [start, *sorted(inner, key=lambda pin: shares[pin].real), end]
+        for one, other in itertools.pairwise(chain):
+            if (other, one) not in found:
+                found[one, other] = f'{names[one]} to {names[other]}'
+    return found
+
+
+def _room(at: complex, lines: Array) -> float:
+    """Returns the distance of a place from lines with two ends each, m."""
+    start, way = lines.reshape(-1, 2)[:, 0], np.diff(lines.reshape(-1, 2), axis=1)[:, 0]
+    square = np.where(way == 0.0, 1.0, abs(way) ** 2)
+    share = np.clip(((at - start) * way.conjugate()).real / square, 0.0, 1.0)
+    return float(abs(start + share * way - at).min(initial=math.inf))
 
 
 def _write(axes: Axes, picture: LinkagePicture, labels: list[_Label], lines: list[Array]) -> None:
@@ -551,5 +596,7 @@ def _write(axes: Axes, picture: LinkagePicture, labels: list[_Label], lines: lis
     anchors = picture.to_points(np.array([[x.at.real, x.at.imag] for x in labels]))
     ways = np.array([[x.way.real, x.way.imag] for x in labels])
     places = picture.free_places(anchors, ways, sizes, lines, _DISTANCES)
-    for text, place in zip(texts, places, strict=True):
+    for label, text, size, place in zip(labels, texts, sizes, places, strict=True):
         text.set_position(tuple(place.tolist()))
+        if label.is_optional and (abs(place) - 0.5 * size).max() > _NEAR_BAR:
+            text.set_text('')  # it would seem to belong to another bar
