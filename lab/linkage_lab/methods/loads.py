@@ -62,10 +62,11 @@ class NumberCase(Case):
 def _lines(at: list[float], value: list[float], crank: float) -> float:
     """Interpolates a torque linearly, N m, between points at increasing angles of a turn, rad."""
     places = [*map(Fraction, at), Fraction(at[0]) + TURN]
+    values = [*map(Fraction, value), Fraction(value[0])]
     place = places[0] + (Fraction(crank) - places[0]) % TURN
     i = bisect.bisect_right(places, place) - 1
-    low, high = map(Fraction, (*value, value[0])[i : i + 2])
-    return float(low + (high - low) * (place - places[i]) / (places[i + 1] - places[i]))
+    share = (place - places[i]) / (places[i + 1] - places[i])
+    return float(values[i] + (values[i + 1] - values[i]) * share)
 
 
 def _own_curve(at: list[float], value: list[float], crank: float) -> float:
@@ -93,14 +94,23 @@ CURVE_METHODS = [
 ]
 
 
-def _curve(random: Random, crank_at: Callable[[list[float]], float], *edge: float) -> NumberCase:
-    """Makes a random curve, with points 45 deg apart on average and an optional steep edge."""
-    even = np.arange(_POINTS) + random.uniform(-0.4, 0.4, _POINTS) + 0.5
-    at = (even * (math.tau / _POINTS)).tolist()
+def _curve(
+    random: Random, crank_at: Callable[[list[float]], float], edge: float = 0.0
+) -> NumberCase:
+    """Makes a random curve, with points 45 deg apart on average.
+
+    Args:
+        random: Random numbers.
+        crank_at: Function from the angles of the points to the crank angle, rad.
+        edge: Distance of a further point after the fourth one, rad; 0 for none.
+    """
+    places = np.arange(_POINTS) + random.uniform(-0.4, 0.4, _POINTS) + 0.5
+    at = (places * (math.tau / _POINTS)).tolist()
     crank = crank_at(at)
-    at = sorted([*at, *(at[3] + x for x in edge)])
-    curve = at, random.uniform(-_LARGEST, _LARGEST, len(at)).tolist(), crank
-    return NumberCase(curve, _lines(*curve), _LARGEST)
+    if edge:
+        at.insert(4, at[3] + edge)
+    values = random.uniform(-_LARGEST, _LARGEST, len(at)).tolist()
+    return NumberCase((at, values, crank), _lines(at, values, crank), _LARGEST)
 
 
 CURVE_SITUATIONS = (

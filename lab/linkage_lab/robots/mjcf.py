@@ -111,10 +111,9 @@ def _compiled(spec: Any, folders: Iterable[Path]) -> Any:
 def _leave_out_meshes(spec: Any) -> None:
     """Removes the meshes of bodies whose masses are given, which may take gigabytes."""
     if spec.compiler.inertiafromgeom != mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
-        for body in spec.bodies:
-            for geom in body.geoms if body.explicitinertial else ():
-                if geom.meshname:
-                    spec.delete(geom)
+        given = [body for body in spec.bodies if body.explicitinertial]
+        for geom in [geom for body in given for geom in body.geoms if geom.meshname]:
+            spec.delete(geom)
     used = {geom.meshname for geom in spec.geoms}
     for mesh in spec.meshes:
         if (mesh.name or Path(mesh.file).stem) not in used:
@@ -287,13 +286,15 @@ class _Reader:
             return
         text = f'tendon {shown(model.tendon(number).name or number)} ({given})'
         start = model.tendon_adr[number]
-        wraps = range(start, start + model.tendon_num[number])
-        for kind, at in dict.fromkeys((model.wrap_type[i], model.wrap_objid[i]) for i in wraps):
+        path = range(start, start + model.tendon_num[number])
+        objects = dict.fromkeys((model.wrap_type[i], model.wrap_objid[i]) for i in path)
+        for kind, at in objects:  # each once
             if kind == mujoco.mjtWrap.mjWRAP_JOINT:
                 self._leave_out(at, text)
             elif kind == mujoco.mjtWrap.mjWRAP_SITE:
-                before = self.doubts.get(self.sites[at], '').removesuffix(_END)
-                self.doubts[self.sites[at]] = ', '.join(filter(None, [before, text])) + _END
+                site = self.sites[at]
+                before = self.doubts.get(site, '').removesuffix(_END)
+                self.doubts[site] = ', '.join(filter(None, [before, text])) + _END
 
     def _leave_out(self, joint: int, text: str) -> None:
         """Notes what is left out at a joint."""
