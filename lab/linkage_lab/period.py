@@ -505,7 +505,7 @@ def law_period(solver: Solver, drive: Any, *, reactions: bool = False) -> Period
     time, motion = law_samples(solver, law)
     return _period(
         solver, motion, time, speed=_mean_speed(law), is_periodic=law.repeats, reactions=reactions,
-        time=time, turns=law.turns,
+        law=law,
     )  # fmt: skip
 
 
@@ -642,7 +642,7 @@ def _period(
     is_periodic: bool,
     reactions: bool,
     acceleration: float = 0.0,
-    **options: Any,
+    law: Any = None,
 ) -> Period:
     """Computes a period.
 
@@ -654,17 +654,15 @@ def _period(
         is_periodic: Whether weights and inertia have zero mean power.
         reactions: Whether to add pin forces, shaking force and shaking moment.
         acceleration: Acceleration of the crank if it is constant, rad/s^2.
-        **options: Options of `Period`.
+        law: The law of the driven joint, if the places are times.
 
     Returns:
         The period. Forces are infinite at change points and where friction locks.
     """
-    position, rate, change, crank = motion(x)
-    has_friction = bool(solver.model.joint_loads)
-    frictionless = without_loads(solver) if has_friction else solver
-    rates = np.broadcast_to(rate, len(x))
-    in_line = at_change_points(solver, position, rates)
-    fastest = float(np.abs(rates).max()) if 'time' in options else 0.0
+    at_x = motion(x)
+    speeds = np.broadcast_to(at_x.u, len(x))
+    in_line = at_change_points(solver, at_x.q, speeds)
+    fastest = float(np.abs(speeds).max()) if law else 0.0
 
     def efforts_at(places: Array) -> dict[str, Column]:
         driven = motion(places)
@@ -674,18 +672,20 @@ def _period(
             columns[_NET_POWER] = Column('W', _net_power(solver, state, driven.q, acceleration))
         return columns
 
-    efforts, is_gap = around_gaps(efforts_at, x, in_line & has_friction, fastest)
+    has_friction = bool(solver.model.joint_loads)
+    efforts, has_no_effort = around_gaps(efforts_at, x, in_line & has_friction, fastest)
     power = efforts.pop(_NET_POWER, efforts['driving_power']).values
+    frictionless = without_loads(solver) if has_friction else solver
     period = Period(
-        solver, crank, frictionless.state(position, rate, change), efforts, speed=speed,
-        mean_power=mean(x, power), **options,
+        solver, at_x.unwrapped, frictionless.state(at_x.q, at_x.u, at_x.a), efforts, speed=speed,
+        mean_power=mean(x, power), time=x if law else None, turns=law.turns if law else None,
     )  # fmt: skip
-    _add_ratios(period, frictionless.state(crank, 1.0))
-    period.gaps |= dict.fromkeys(efforts, is_gap)
+    _add_ratios(period, frictionless.state(period.crank, 1.0))
+    period.gaps |= dict.fromkeys(efforts, has_no_effort)
     if reactions:
-        forces, is_gap = joint_forces(solver, motion, x, in_line | is_gap, fastest)
+        forces, has_no_force = joint_forces(solver, motion, x, in_line | has_no_effort, fastest)
         period.columns |= forces
-        period.gaps |= dict.fromkeys(forces, is_gap)
+        period.gaps |= dict.fromkeys(forces, has_no_force)
     return period
 
 
