@@ -30,10 +30,10 @@ _RPM = Quantity('number', 'crank speed', 'rpm', -1e6, 1e6)
 
 
 def _formats(text: str) -> tuple[str, ...]:
-    given = tuple(text.split(','))
-    if not set(given) <= set(FORMATS):
+    formats = tuple(text.split(','))
+    if not set(formats) <= set(FORMATS):
         raise argparse.ArgumentTypeError(f'{shown(text)}: must be of {",".join(FORMATS)}')
-    return given
+    return formats
 
 
 def _quantity(text: str) -> str:

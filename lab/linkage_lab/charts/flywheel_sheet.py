@@ -178,47 +178,60 @@ def _attempt(
     return cycle, f'the motor drives the cycle {at}'
 
 
-def _draw(found: _Sizing, name: str, missed: str, files: Pictures) -> None:
-    """Draws a table, and torque and speed over the crank angle; with a motor, also its line."""
-    rows = _rows(found)
-    top = _TOP + _ROWS * (math.ceil(len(rows) / 2) + 2 * bool(missed))
-    count = 3 if found.motor else 2
+def _draw(sizing: _Sizing, name: str, warning: str, files: Pictures) -> None:
+    """Draws a table, and torque and speed over the crank angle; with a motor, also its line.
+
+    Args:
+        sizing: The flywheel, and what a motor does with it.
+        name: Name of the parameter file.
+        warning: A line below the table; empty if the motor keeps speed and fluctuation.
+        files: The files of the picture.
+    """
+    rows = _rows(sizing)
+    lines = math.ceil(len(rows) / 2) + (2 if warning else 0)
+    top = _TOP + _ROWS * lines
+    count = 3 if sizing.motor else 2
     height = top + count * (_HIGH + _TITLE) + _FOOT
     with chart(files, height, layout=None) as figure:
         write_title(figure, f'{name}: flywheel')
         _write_table(figure, rows)
-        if missed:
-            words = missed.replace('^2', '\N{SUPERSCRIPT TWO}')
+        if warning:
+            words = warning.replace('^2', '\N{SUPERSCRIPT TWO}')
             write_title(figure, words, top=top - 1.5 * _ROWS, color=fractions(VERMILION))
-        wide, draws = WIDTH - _LEFT - _NAMES, (_draw_torques, _draw_speeds, _draw_plane)
-        for i, draw in enumerate(draws[:count]):
-            y = top + i * (_HIGH + _TITLE) + 0.55 * _TITLE
-            axes = figure.add_axes(box(height, _LEFT, y, wide, _HIGH))
-            draw(axes, found)
-            if i < 2:
-                axes.set_xlabel('Crank angle, deg', labelpad=1)
+
+        def add_axes(number: int) -> Axes:
+            y = top + number * (_HIGH + _TITLE) + 0.55 * _TITLE
+            axes: Axes = figure.add_axes(box(height, _LEFT, y, WIDTH - _LEFT - _NAMES, _HIGH))
+            return axes
+
+        for number, draw in enumerate((_draw_torques, _draw_speeds)):
+            axes = add_axes(number)
+            draw(axes, sizing)
+            axes.set_xlabel('Crank angle, deg', labelpad=1)
+        if sizing.motor:
+            _draw_plane(add_axes(2), sizing)
 
 
-def _rows(found: _Sizing) -> list[tuple[str, str]]:
+def _rows(sizing: _Sizing) -> list[tuple[str, str]]:
     """Returns the rows of the table: names and values."""
-    period, bare, driven = found.period, found.bare, found.driven
+    period, bare, driven = sizing.period, sizing.bare, sizing.driven
     torque = extent(period.crank, period.columns['driving_torque'].values)
     power = extent(period.crank, period.columns['driving_power'].values)
     rows = [
         ('mean speed', f'{rounded(_RPM * period.speed)} rpm'),
-        ('allowed fluctuation', f'{found.fluctuation:g}'),
+        ('allowed fluctuation', f'{sizing.fluctuation:g}'),
         ('without flywheel', f'{bare.fluctuation:.4g}' if bare else 'no steady cycle'),
-        ('added to the crank', f'{found.added:.5g} kg m\N{SUPERSCRIPT TWO}'),
-        ('surplus of a turn', f'{rounded(found.energy)} J'),
-        ('torque: peak, rms, mean', f'{_listed(_peak(torque), torque.rms, found.torque)} N m'),
+        ('added to the crank', f'{sizing.added:.5g} kg m\N{SUPERSCRIPT TWO}'),
+        ('surplus of a turn', f'{rounded(sizing.energy)} J'),
+        ('torque: peak, rms, mean', f'{_listed(_peak(torque), torque.rms, sizing.torque)} N m'),
         ('power: peak, mean', f'{_listed(_peak(power), period.mean_power)} W'),
     ]
-    if found.motor:
+    if sizing.motor:
         speed = (
             f'{rounded(_RPM * driven.speed)} rpm, fluctuation {driven.fluctuation:.4g}'
             if driven else 'cannot drive the cycle'
         )  # fmt: skip
-        rows += [('motor', str(found.motor).removeprefix('motor ')), (DRIVEN, speed)]
+        rows += [('motor', str(sizing.motor).removeprefix('motor ')), (DRIVEN, speed)]
     return rows
 
 
@@ -236,9 +249,9 @@ def _write_table(figure: Figure, rows: Sequence[tuple[str, str]]) -> None:
         figure.text(x + 1.75, y, value, **style)
 
 
-def _draw_torques(axes: Axes, found: _Sizing) -> None:
+def _draw_torques(axes: Axes, sizing: _Sizing) -> None:
     """Plots the torques, and fills the work that the flywheel stores and returns."""
-    period, steady, driven = found.period, found.steady, found.driven
+    period, steady, driven = sizing.period, sizing.steady, sizing.driven
     needed = period.columns['driving_torque'].values
     supplied = np.interp(period.crank, steady.crank, steady.torque)
     is_surplus = math.copysign(1.0, period.speed) * (supplied - needed) > 0
@@ -259,10 +272,10 @@ def _draw_torques(axes: Axes, found: _Sizing) -> None:
     _explain(axes, lines)
 
 
-def _draw_speeds(axes: Axes, found: _Sizing) -> None:
+def _draw_speeds(axes: Axes, sizing: _Sizing) -> None:
     """Plots the speeds, and the band of the allowed fluctuation around them."""
-    cycles = {BARE: found.bare, STEADY: found.steady, DRIVEN: found.driven}
-    low, high = _band(found)
+    cycles = {BARE: sizing.bare, STEADY: sizing.steady, DRIVEN: sizing.driven}
+    low, high = _band(sizing)
     axes.axhspan(low, high, color='0.88', label='allowed', zorder=0)
     curves = {name: (_degrees(x), _RPM * x.velocity) for name, x in cycles.items() if x}
     lines = _plot(axes, curves)
@@ -273,21 +286,21 @@ def _draw_speeds(axes: Axes, found: _Sizing) -> None:
             shown += [speeds.min(), speeds.max()]
     (bottom, top), room = axes.get_ylim(), _SHOWN * (high - low)
     axes.set_ylim(max(bottom, min(shown) - room), min(top, max(shown) + room))
-    over(axes, found.period, 'Crank speed, rpm')
+    over(axes, sizing.period, 'Crank speed, rpm')
     _explain(axes, lines)
 
 
-def _draw_plane(axes: Axes, found: _Sizing) -> None:
+def _draw_plane(axes: Axes, sizing: _Sizing) -> None:
     """Plots torque against speed: the motor, the demand of the mechanism, the operating range."""
-    motor, cycle = found.motor or Motor(), found.driven or found.steady
-    style = _STYLES[DRIVEN if found.driven else STEADY]
-    low, high = _band(found)
+    motor, cycle = sizing.motor or Motor(), sizing.driven or sizing.steady
+    style = _STYLES[DRIVEN if sizing.driven else STEADY]
+    low, high = _band(sizing)
     axes.axvspan(low, high, color='0.88', label='allowed', zorder=0)
     axes.plot(_RPM * cycle.velocity, cycle.demand, label=NEEDED, **style)
     point, slope = (_RPM * cycle.speed, motor.at(cycle.speed)), -motor.damping / _RPM
     thin: dict[str, Any] = {'color': fractions(BLACK), 'linewidth': 0.9}
     axes.axline(point, slope=slope, label="the motor's line", **thin)
-    if found.driven:
+    if sizing.driven:
         thick = style | {'linewidth': 4.5, 'linestyle': '-', 'solid_capstyle': 'butt'}
         axes.plot(_RPM * cycle.velocity, cycle.torque, label='operating range', **thick)
     axes.set_title('Torque, N m', loc='left', fontsize=SMALL, pad=4)
@@ -297,10 +310,13 @@ def _draw_plane(axes: Axes, found: _Sizing) -> None:
     _explain(axes, {})
 
 
-def _band(found: _Sizing) -> tuple[float, float]:
+def _band(sizing: _Sizing) -> tuple[float, float]:
     """Returns the ends of the band of allowed speeds, rpm, around the cycle with the flywheel."""
-    ends = extent(found.steady.crank, found.steady.velocity)
-    middle, half = 0.5 * (ends.low + ends.high), 0.5 * found.fluctuation * abs(found.period.speed)
+    ends = extent(sizing.steady.crank, sizing.steady.velocity)
+    middle, half = (
+        0.5 * (ends.low + ends.high),
+        0.5 * sizing.fluctuation * abs(sizing.period.speed),
+    )
     return _RPM * (middle - half), _RPM * (middle + half)
 
 

@@ -183,8 +183,8 @@ def _loop_assemblies(mechanism: Mechanism) -> list[str]:
     """Returns the names of the assemblies that the loop has, its own first."""
     # An inverted slider-crank with a driven crank has one assembly, so its parameter is unused.
     # Only the input decides that.
-    given = {'input': getattr(mechanism, 'input', '')}
-    if 'assembly' in mechanism.unused(given):
+    unused = mechanism.unused({'input': getattr(mechanism, 'input', '')})
+    if 'assembly' in unused:
         return [mechanism.assembly]
     return _own_first(mechanism.assembly)
 

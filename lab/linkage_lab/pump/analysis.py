@@ -324,8 +324,10 @@ class _Search:
         pieces = follow(motion) if self._follows else [Piece([motion], LOST)]
         self.pieces += pieces
         for piece in pieces:
-            given = [motion] if motion in piece.motions else []
-            for state in (*given, *piece.states(motion.torque)):
+            states = [*piece.states(motion.torque)]
+            if motion in piece.motions:
+                states.insert(0, motion)
+            for state in states:
                 if not self._known(state):
                     self.states.append(SteadyState(state, piece))
 

@@ -111,8 +111,8 @@ def _compiled(spec: Any, folders: Iterable[Path]) -> Any:
 def _leave_out_meshes(spec: Any) -> None:
     """Removes the meshes of bodies whose masses are given, which may take gigabytes."""
     if spec.compiler.inertiafromgeom != mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
-        given = [body for body in spec.bodies if body.explicitinertial]
-        for geom in [geom for body in given for geom in body.geoms if geom.meshname]:
+        explicit = [body for body in spec.bodies if body.explicitinertial]
+        for geom in [geom for body in explicit for geom in body.geoms if geom.meshname]:
             spec.delete(geom)
     used = {geom.meshname for geom in spec.geoms}
     for mesh in spec.meshes:
@@ -263,28 +263,34 @@ class _Reader:
     def _fluid(self) -> list[str]:
         """Describes the fluid that surrounds the robot."""
         option = self.model.opt
-        given = [f'{x} = {value:g}' for x in _FLUID if (value := getattr(option, x))]
-        if given and any(option.wind):
-            given.append(f'wind = {" ".join(f"{x:g}" for x in option.wind)}')
-        return [f'{", ".join(given)}: left out'] if given else []
+        properties = [
+            f'{name} = {getattr(option, name):g}' for name in _FLUID if getattr(option, name)
+        ]
+        if not properties:
+            return []
+        if any(option.wind):
+            properties.append(f'wind = {" ".join(f"{x:g}" for x in option.wind)}')
+        return [f'{", ".join(properties)}: left out']
 
     def _take_actuator(self, number: int) -> None:
         """Notes the inertia and damping of an actuator at its joint or tendon."""
-        if text := ', '.join(self._given('actuator', number)):
-            text = f'actuator {shown(self.model.actuator(number).name or number)} ({text})'
-            at = int(self.model.actuator_trnid[number][0])
-            if self.model.actuator_trntype[number] in _AT_JOINT:
-                self._leave_out(at, text)
-            elif self.model.actuator_trntype[number] == mujoco.mjtTrn.mjTRN_TENDON:
-                self.pulled.setdefault(at, []).append(text)
+        properties = ', '.join(self._nonzero('actuator', number))
+        if not properties:
+            return
+        text = f'actuator {shown(self.model.actuator(number).name or number)} ({properties})'
+        at = int(self.model.actuator_trnid[number][0])
+        if self.model.actuator_trntype[number] in _AT_JOINT:
+            self._leave_out(at, text)
+        elif self.model.actuator_trntype[number] == mujoco.mjtTrn.mjTRN_TENDON:
+            self.pulled.setdefault(at, []).append(text)
 
     def _take_tendon(self, number: int) -> None:
         """Notes the forces of a tendon at what it moves: joints, or the bodies of its sites."""
         model = self.model
-        given = ', '.join([*self._given('tendon', number), *self.pulled.get(number, ())])
-        if not given:
+        properties = ', '.join([*self._nonzero('tendon', number), *self.pulled.get(number, ())])
+        if not properties:
             return
-        text = f'tendon {shown(model.tendon(number).name or number)} ({given})'
+        text = f'tendon {shown(model.tendon(number).name or number)} ({properties})'
         start = model.tendon_adr[number]
         path = range(start, start + model.tendon_num[number])
         objects = dict.fromkeys((model.wrap_type[i], model.wrap_objid[i]) for i in path)
@@ -328,7 +334,7 @@ class _Reader:
     def _take_joint(self, joint: Any, parent: str, child: str, pose: Transform) -> None:
         kind = _KINDS[int(joint.type[0])]
         at = Transform(np.eye(3), joint.pos.copy())
-        left_out = *self._given('dof', int(joint.dofadr[0])), *self._given('jnt', joint.id)
+        left_out = *self._nonzero('dof', int(joint.dofadr[0])), *self._nonzero('jnt', joint.id)
         made = Joint(
             joint.name or f'{child}_joint', kind, parent, child, pose.then(at), at,
             joint.axis.copy(), left_out=', '.join(left_out),
@@ -339,7 +345,7 @@ class _Reader:
         self.movable.append(len(self.joints))
         self.joints.append(made)
 
-    def _given(self, kind: str, number: int) -> Iterator[str]:
+    def _nonzero(self, kind: str, number: int) -> Iterator[str]:
         """Yields what is left out of a part, such as its damping, if it is not 0."""
         for name in _LEFT_OUT:
             values = getattr(self.model, f'{kind}_{name}', None)

@@ -143,10 +143,9 @@ class Robot(NamedTuple):
 
 def listed(words: Iterable[str], separator: str = ', ') -> str:
     """Joins words for a message: at most twelve, and the number of further ones."""
-    given = [word for word in words if word]
-    if more := len(given[_LISTED:]):
-        given[_LISTED:] = [f'and {more} more']
-    return separator.join(given)
+    all_words = [word for word in words if word]
+    shown_words, more = all_words[:_LISTED], len(all_words[_LISTED:])
+    return separator.join([*shown_words, f'and {more} more'] if more else shown_words)
 
 
 def lumped(parts: Sequence[Inertial]) -> Inertial | None:
