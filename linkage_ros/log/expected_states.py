@@ -7,7 +7,6 @@ A step of the clock starts a new segment, but tick numbers continue.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from itertools import accumulate, product, takewhile
 from typing import Any, ClassVar, NamedTuple, TypeAlias, cast
 
@@ -379,9 +378,11 @@ class MeasuredStates(ExpectedStates):
     def handle(self, message: LoggedMessage) -> None:
         """Reads a measurement; see `ExpectedStates`."""
         if self._channel and message.channel == self._channel.number:
-            with suppress(ValueError):  # a message for other joints has no state
+            try:
                 received = self._cranks.read(message.data, message.time)
-                self._next.append(measurement_of(message.time, received))
+            except ValueError:  # it is for other joints; `suppress` takes longer
+                return
+            self._next.append(measurement_of(message.time, received))
 
     def end_efforts(self, linkages: Iterable[str]) -> None:
         """Holds efforts of 0; see `ExpectedStates`."""
@@ -393,7 +394,7 @@ class MeasuredStates(ExpectedStates):
         """Yields the leading stamps that match the next measurements; see `ExpectedStates`."""
         while self._next:
             self._end_motions(linkages, int(stamps[0]))
-            if self._next[0].coordinates:
+            if self._next[0].linkages:
                 break
             self._efforts.end(self._next.pop(0).ended)  # it has no state
         if not self._next:
@@ -440,7 +441,7 @@ class MeasuredStates(ExpectedStates):
         """Returns the coordinates of the next measurements; see `ExpectedStates`."""
         gravity = self._motions[linkage][number - 1].gravity if number else None
         crank = cast('MeasuredCrank', self._cranks.sources[linkage])
-        measured = [one.coordinates[linkage] for one in self._next[: len(stamps)]]
+        measured = [one.coordinates(linkage) for one in self._next[: len(stamps)]]
         now, ahead = crank.stacked(measured)
 
         def under(coordinates: Coordinates) -> Coordinates:

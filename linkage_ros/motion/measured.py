@@ -176,7 +176,9 @@ class FollowMotion:
         if self._period_turns:
             turned = self._turns_since(filter_, turns, time, position)
         filter_ = filter_.advanced(stamp, time, position + turned * _TURN, velocity or 0.0)
-        return turns + turned, filter_._replace(value=position)
+        if turned:
+            filter_ = filter_._replace(value=position)
+        return turns + turned, filter_
 
     def _within_period(self, position: float, turns: int) -> float:
         """Returns a position of the sensor in the period of the motion; see `Coordinates.q`."""

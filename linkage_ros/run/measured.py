@@ -24,21 +24,26 @@ class Measurement(NamedTuple):
     Attributes:
         time: Time of receipt, ns.
         stamp: Stamp of the message, ns; 0 if no linkage accepts the message.
-        coordinates: Coordinates of each linkage that accepts it, by name.
+        values: Stamp, and coordinates of each linkage that accepts it, by name.
         linkages: Names of these linkages.
         ended: Names of the linkages whose efforts it ends, because they reject it.
     """
 
     time: int
     stamp: int
-    coordinates: dict[str, Coordinates]
+    values: dict[str, tuple[int, Coordinates]]
     linkages: tuple[str, ...]
     ended: tuple[str, ...]
 
     def without(self, linkage: str) -> 'Measurement':
         """Returns the measurement if a linkage had not accepted it."""
-        found = {name: x for name, x in self.coordinates.items() if name != linkage}
-        return self._replace(coordinates=found, linkages=tuple(found))
+        found = {name: x for name, x in self.values.items() if name != linkage}
+        return self._replace(values=found, linkages=tuple(found))
+
+    def coordinates(self, linkage: str) -> Coordinates:
+        """Returns the coordinates of a linkage that accepts it."""
+        _, found = self.values[linkage]
+        return found
 
 
 def measurement_of(time: int, received: Received) -> Measurement:
@@ -46,8 +51,7 @@ def measurement_of(time: int, received: Received) -> Measurement:
     values, refused = received
     stamp, _ = next(iter(values.values()), (0, None))
     ended = received.invalid if refused else ()
-    found = {name: pair[1] for name, pair in values.items()}
-    return Measurement(time, stamp, found, tuple(values), ended)
+    return Measurement(time, stamp, values, tuple(values), ended)
 
 
 class Answers(NamedTuple):
@@ -152,7 +156,7 @@ class MeasuredRun:
                 continue
             parts = dict[str, RowPart]()
             for name in names:
-                coordinates = [measurement.coordinates[name] for measurement in adjacent]
+                coordinates = [measurement.coordinates(name) for measurement in adjacent]
                 now, ahead = self._sources[name].stacked(coordinates)
                 parts[name] = self._robot.simulators[name].part(now, ahead)
             numbers = self._robot.row(parts, self._held.values)

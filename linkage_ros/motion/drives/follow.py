@@ -198,7 +198,8 @@ class MeasuredCrank(Input):
                 stamp, base.position, base.velocity
             )
             conditions = replace(conditions, frame=(angle, rate, acceleration))
-        coordinates = coordinates._replace(conditions=conditions)
+        if conditions:
+            coordinates = coordinates._replace(conditions=conditions)
         if self._machine.joint.is_mapped:
             coordinates = coordinates._replace(unwrapped=crank.value)
         return stamp, coordinates
