@@ -5,6 +5,7 @@
 from dataclasses import replace
 from functools import cache
 
+from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.topics import MEASURED_JOINT_STATES
 from linkage_ros.motion.inputs import SharedInput
 from linkage_ros.run.measured import MeasuredRun
@@ -16,6 +17,14 @@ from linkage_ros.settings.configuration import Configuration
 def with_linkage(configuration, **changes):
     """Returns a configuration with other values of the fields of its only linkage."""
     return replace(configuration, linkages=(replace(configuration.only, **changes),))
+
+
+def by_lengths(configuration):
+    """Returns a configuration whose mechanism is given by lengths, if a drawing gives it."""
+    mechanism = replace(configuration.mechanism, drawn=None)
+    kinds = (name for name, cls in MECHANISMS.items() if type(mechanism) is cls)
+    kind = replace(configuration.only.kind, mechanism=next(kinds))
+    return with_linkage(configuration, mechanism=mechanism, drawn_mechanism=None, kind=kind)
 
 
 def alone(linkage):

@@ -231,7 +231,7 @@ def test_metadata_example_prints_configuration_and_motion(log, capsys, monkeypat
     run_python(lines, 'mcap.md')
     about, motion, end = capsys.readouterr().out.splitlines()
     assert about.startswith('linkage_ros {')
-    assert f"'crank.length': '{log.configuration.mechanism.crank.length}'" in about
+    assert f"'rate_hz': '{log.configuration.session.rate_hz}'" in about
     assert motion.startswith('linkage_ros/motion {')
     assert end.startswith("linkage_ros/end {'messages': '")
     drive = log.configuration.drive

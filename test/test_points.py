@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mechanisms import ALL, moving, traced
-from one_linkage import with_linkage
+from one_linkage import by_lengths, with_linkage
 from ros_harness import report_of
 
 from linkage_ros import (
@@ -188,8 +188,9 @@ def test_mirrored_mechanism_has_mirrored_points(mechanism):
 
 @pytest.mark.parametrize('preset', preset_names())
 def test_record_holds_every_point_to_the_bit(preset, tmp_path):
-    mechanism = on_every_link(load(preset).mechanism)
-    configuration = with_linkage(load(preset), mechanism=mechanism)
+    plain = by_lengths(load(preset))
+    mechanism = on_every_link(plain.mechanism)
+    configuration = with_linkage(plain, mechanism=mechanism)
     path, table = tmp_path / 'run.mcap', tmp_path / 'run.csv'
     record(configuration, path, duration=0.1)
     report = report_of(path)

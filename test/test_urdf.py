@@ -26,6 +26,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from linkage_ros import Body, Coupler, FourBar, Frame
+from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.topics import JOINT_STATES, MECHANISM_STATE, point_topic
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.run.states import Simulator
@@ -88,7 +89,7 @@ def expected(simulator, made):
     """Returns position, x + iy, and direction of each moving link, in the link with the pivots."""
     mechanism, angles = simulator.linkage.mechanism, made.state.position
     pin = mechanism.crank.length * cmath.exp(1j * angles[0])
-    kind = simulator.linkage.kind.mechanism
+    kind = next(name for name, cls in MECHANISMS.items() if type(mechanism) is cls)
     if kind == 'inverted_slider_crank':
         pivot = mechanism.frame.length * cmath.exp(1j * mechanism.frame.angle)
         return {'crank': (0j, angles[0]), 'barrel': (pivot, angles[1]), 'rod': (pin, angles[1])}

@@ -24,6 +24,7 @@ import numpy as np
 import pytest
 import yaml
 from mechanisms import traced
+from one_linkage import by_lengths
 from pages import page_files, read
 from scipy.integrate import quad
 from test_law_chart import LIMITED
@@ -226,7 +227,7 @@ def own_file(base, names, row, path):
 @pytest.mark.parametrize('preset', ALL_LOADS)
 def test_designs_equal_machines_of_their_own_parameter_files(preset, sign, tmp_path):
     """Every parameter varies, and every measure is that of a chart with as many samples."""
-    base = load(preset).only
+    base = by_lengths(load(preset)).only
     loads = {f'loads.{x}.{y}': v for x, of in ALL_LOADS[preset].items() for y, v in of.items()}
     bare = {k: v for k, v in flatten(base.mechanism).items() if not k.startswith('loads.')}
     base = replace(base, mechanism=build(type(base.mechanism), bare | loads))
