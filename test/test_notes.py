@@ -260,7 +260,7 @@ def test_units_of_a_drawing_are_doubted(changes, words):
     assert words in ''.join(found[:1])
 
 
-def notes_on_drawing(changes, drive='speed'):
+def notes_on_drawing(changes, drive='speed', others=()):
     """Returns the notes on a four-bar drawn in mm, of which some values are changed."""
     values = {
         'units': 'mm', 'input': 'crank', 'frame': ['O', 'Q'], 'pins.O': [0.0, 0.0],
@@ -270,7 +270,9 @@ def notes_on_drawing(changes, drive='speed'):
     }  # fmt: skip
     drawing = {f'drawing.{name}': value for name, value in values.items()}
     rpm = {'rpm': 60.0} if drive == 'speed' else {}
-    return notes(configure({'mechanism': 'drawing', 'drive': drive, **rpm, **drawing}))
+    return notes(
+        configure({'mechanism': 'drawing', 'drive': drive, **rpm, **drawing, **dict(others)})
+    )
 
 
 def test_mass_in_g_of_a_drawing_is_noted():
@@ -301,3 +303,25 @@ def test_parallelogram_that_is_nearly_one_is_noted_with_its_sum(changes, sums):
         assert 'drawing.links.' in found[0]
         with pytest.raises(ConfigurationError, match=r'turn fully: .* give .* their length'):
             notes_on_drawing({**PARALLELOGRAM, **changes})
+
+
+RAM = {
+    'frame': ['O', 'Q'], 'pins.S': [260.0, 120.0], 'links.rod.pins': ['B', 'S'],
+    'slides.ram.pin': 'S', 'slides.ram.direction': [1.0, 0.0], 'slides.ram.mass': 1.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('pin', 'link', 'acting'),
+    [('S', '', 'rod'), ('S', 'ram', ''), ('S', 'rod', ''), ('B', '', '')],
+)
+def test_force_at_the_pin_of_a_slide_that_acts_on_another_link_is_noted(pin, link, acting):
+    load = {'kind': 'force', 'pin': pin, 'link': link, 'force': [-800.0, 0.0]}
+    given = {f'loads.cutting.{name}': value for name, value in load.items() if value}
+    found = notes_on_drawing(RAM, others=given)
+    if not acting:
+        assert found == []
+        return
+    (line,) = found
+    assert line.startswith(f'loads.cutting: the force at {pin} acts on {acting}, not on')
+    assert 'write link: ram' in line

@@ -148,6 +148,25 @@ def test_a_dimension_without_room_at_its_bar_is_left_to_the_words(monkeypatch):
     assert 'knee to M 110.5' in words
 
 
+@pytest.mark.parametrize(
+    ('load', 'words'),
+    [
+        ({'kind': 'force', 'pin': 'S', 'force': [1.0, 0.0]}, 'force on conrod at pin S, force'),
+        ({'kind': 'force', 'pin': 'S', 'link': 'ram', 'force': [1.0, 0.0]},
+         'force on ram at pin S, force [1, 0]'),
+        ({'kind': 'force', 'link': 'ram', 'at': [270.0, 120.0], 'force': [1.0, 0.0]},
+         'force on ram, force [1, 0], at [270, 120]'),
+        ({'kind': 'spring', 'cylinder': 'gas', 'stiffness': 10.0},
+         'spring on coupler and frame, stiffness 10, cylinder gas'),
+        ({'kind': 'link', 'link': 'ram', 'force': 1.0}, 'link, link ram, force 1'),
+    ],
+)  # fmt: skip
+def test_a_load_is_described_with_its_links(load, words):
+    given = {f'loads.x.{name}': value for name, value in load.items()}
+    lines = [*describe(sketch_of(configure(GAS | given).only))]
+    assert [line for line in lines if line.startswith(f'load x: {words}')], lines
+
+
 def test_pin_that_joins_three_links_has_one_name():
     texts, _ = written(configure(GAS))
     assert 'B' in texts

@@ -15,6 +15,7 @@ from linkage_ros.mechanism.axes import carriers_of
 from linkage_ros.mechanism.drawing import Drawing
 from linkage_ros.mechanism.drawing_checks import contradictions
 from linkage_ros.mechanism.exact import UNITS
+from linkage_ros.mechanism.loads.force import Force
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.joints import own_joints
@@ -59,6 +60,7 @@ def notes_on(linkage: Linkage) -> list[str]:
         *_lengths(linkage),
         *_pins(linkage),
         *_places(linkage),
+        *_beside_slides(linkage),
         *_masses(linkage),
         *_near_change_point(linkage),
         *_standing(linkage),
@@ -215,6 +217,25 @@ def _drawn_places(linkage: Linkage, drawing: Drawing, longest: float) -> Iterato
             yield (
                 f'{name} is {math.hypot(*place):.3g} m from its link as drawn, where the longest '
                 f'link has {longest:.3g} m; is it a place in the drawing, in {unit}?'
+            )
+
+
+def _beside_slides(linkage: Linkage) -> Iterator[str]:
+    """Notes forces at the pin of a slide that act on another link there, as none is given."""
+    if linkage.drawn_mechanism is None:
+        return
+    acting = {load.name: load for load in linkage.mechanism.loads}
+    for load in linkage.drawn_mechanism.loads:
+        if not isinstance(load, Force) or not load.pin or load.link:
+            continue
+        slides = linkage.drawn_mechanism.drawing.slides
+        names = [slide.name for slide in slides if load.pin in slide.all_pins]
+        link = cast('Force', acting[load.name]).link
+        if names and link not in names:
+            yield (
+                f'{load.label}: the force at {load.pin} acts on {link}, not on the slide '
+                f'{names[0]}, so that the pin {load.pin} does not carry it; beside pin: '
+                f'{load.pin}, write link: {names[0]}, or link: {link} if that is meant'
             )
 
 

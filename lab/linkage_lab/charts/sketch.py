@@ -31,10 +31,10 @@ from linkage_lab.output import (
 )
 from linkage_lab.period import Period
 from linkage_lab.sampling import without_loads
-from linkage_ros import ConfigurationError, Solver, Spring, State, cli
+from linkage_ros import ConfigurationError, Force, Solver, Spring, State, cli
 from linkage_ros.extensions import LOADS
 from linkage_ros.formulas import Array
-from linkage_ros.internals import UNITS, Drawing, axes_of
+from linkage_ros.internals import FRAME, UNITS, Drawing, axes_of
 from linkage_ros.palette import BLACK, DARK, Color, fractions
 from linkage_ros.quantities import Angle, leaves
 
@@ -44,6 +44,7 @@ DRAWN_AT = 45.0
 # Inches: height of the drawing, of a line of text, and margin.
 HIGH, _LINE, _ROOM = 6.2, 0.165, 0.35
 _CHARACTERS = 118  # in a line of text
+_PLACES_OF_LOADS = 'link', 'to', 'pin'  # parameters of loads that are in the words on their links
 _ARROW = 9.0  # length of the arrow of a link's direction, points
 _MARKS = 4.0  # length of the arrow of a slide's direction, in marks of the drawing
 # Places of a dimension along its bar, the preferred ones first; the distance from other lines that
@@ -234,7 +235,7 @@ def describe(sketched: Sketched) -> Iterator[str]:
             f'line {name}: from {sketched.at(start)} to {sketched.at(end)}, length '
             f'{sketched.length(abs(end - start))}'
         )
-    yield from _loads(sketched.design)
+    yield from _loads(sketched.design, structure)
 
 
 def _kind(sketched: Sketched) -> Iterator[str]:
@@ -393,19 +394,37 @@ def _cylinder(load: Any) -> str:
     return getattr(load, 'cylinder', '')
 
 
-def _loads(design: Any) -> Iterator[str]:
-    """Yields a line for each load, with its parameters that are not the defaults."""
+def _loads(design: Any, structure: Any) -> Iterator[str]:
+    """Yields a line for each load: its links, and its parameters that are not the defaults."""
     given = design.parameters()
     for one in design.mechanism.loads:
         start = f'loads.{one.name}.'
-        kind = given[f'{start}kind']
-        defaults = {leaf.name: leaf.default for leaf in leaves(LOADS[kind], start)}
+        kind, place = given[f'{start}kind'], _place_of_load(one, structure)
+        if place:
+            kind += f' on {place}'
+        if place and (pin := given.get(f'{start}pin')):
+            kind += f' at pin {pin}'
+        defaults = {
+            leaf.name: leaf.default for leaf in leaves(LOADS[given[f'{start}kind']], start)
+        }
+        said = {f'{start}{word}' for word in _PLACES_OF_LOADS} if place else set()
         words = [
             f'{name.removeprefix(start)} {_words(value)}'
             for name, value in given.items()
-            if name in defaults and value != defaults[name]
+            if name in defaults and value != defaults[name] and name not in said
         ]
         yield f'load {one.name}: {", ".join([kind, *words])}'
+
+
+def _place_of_load(load: Any, structure: Any) -> str:
+    """Returns the links on which a force or a spring acts; '' for other loads."""
+    names = [link.name for link in structure.links]
+    places = list[Any]()
+    if isinstance(load, Spring):
+        places += load.ends(structure)
+    if isinstance(load, Force):
+        places.append(structure.place_of('', load.link, load.at, load.pin))
+    return ' and '.join('frame' if j == FRAME else names[j] for j, _ in places)
 
 
 def _words(value: Any) -> str:
