@@ -9,6 +9,7 @@ from pathlib import Path
 
 from linkage_ros.node.launching import (
     FRAMES,
+    MANAGED,
     NAMES,
     OUTPUTS,
     demo,
@@ -28,6 +29,7 @@ ARGUMENTS = {
     'rpm': ('', 'crank speed'),
     **FRAMES,
     **NAMES,
+    **MANAGED,
     **OUTPUTS,
     'rviz': ('false', 'true: open RViz as well'),
 }

@@ -7,6 +7,7 @@ ros2 launch linkage_ros follow.launch.py params:=linkage.yaml measured:=/joint_s
 
 from linkage_ros.node.launching import (
     FRAMES,
+    MANAGED,
     NAMES,
     OUTPUTS,
     description,
@@ -28,6 +29,7 @@ ARGUMENTS = {
     'lead_time': ('', 'time ahead of the stamp for which the torque is computed, s'),
     **FRAMES,
     **NAMES,
+    **MANAGED,
     **OUTPUTS,
 }
 

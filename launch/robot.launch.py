@@ -7,6 +7,7 @@ ros2 launch linkage_ros robot.launch.py urdf:=robot.urdf params:=leg.yaml
 
 from linkage_ros.node.launching import (
     FRAMES,
+    MANAGED,
     NAMES,
     OUTPUTS,
     description,
@@ -28,6 +29,7 @@ ARGUMENTS = {
     **FRAMES,
     'state_publisher': ('true', "false: the robot's own robot_state_publisher is running"),
     **NAMES,
+    **MANAGED,
     **OUTPUTS,
 }
 

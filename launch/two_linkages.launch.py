@@ -7,6 +7,7 @@ ros2 launch linkage_ros two_linkages.launch.py left:=quadrilateral right:=wiper 
 
 from linkage_ros.node.launching import (
     FRAMES,
+    MANAGED,
     NAMES,
     OUTPUTS,
     description,
@@ -22,6 +23,7 @@ ARGUMENTS = {
     'rpm': ('', 'crank speed of both'),
     **FRAMES,
     **{name: NAMES[name] for name in ('namespace', 'use_sim_time', 'log_level')},
+    **MANAGED,
     **OUTPUTS,
 }
 

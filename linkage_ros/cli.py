@@ -182,9 +182,19 @@ class Stop:
         signal: Name of the signal that requested the end; empty if none did.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, handles_signals: bool = True) -> None:
+        """Handles the signals.
+
+        Args:
+            handles_signals: False for a request that only `set` makes.
+        """
         self._set_at = math.inf  # monotonic time of the request, s
         self._is_repeated, self.signal = False, ''
+        self._signals = list[signal.Signals]()
+        if handles_signals:
+            self._handle_signals()
+
+    def _handle_signals(self) -> None:
         is_kept = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
         self._signals = [signal.SIGINT, signal.SIGTERM, signal.SIGQUIT]
         self._signals += [] if is_kept else [signal.SIGHUP]

@@ -61,6 +61,7 @@ CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export', 'l
 OTHER_PROGRAMS = ('pip', '.', 'source', 'rerun', 'rosbags-convert')
 # The programs of these pages need a log or a node; other tests run them.
 PYTHON_ELSEWHERE = {
+    'docs/managed.md': 'test/test_managed.py',
     'docs/mcap.md': 'test/test_foreign_readers.py',
     'lab/docs/mjcf.md': 'lab/test/test_mjcf.py',
 }
@@ -71,7 +72,14 @@ NOT_TESTED = [name for row in _ROWS for name in re.findall('`([^`]+)`', row.part
 INSTALLED_BY = {
     './lab': ('matplotlib', 'mpmath', 'scipy'),
     '.[viewer]': ('rerun', 'rerun_bindings'),
-    'rosdep': ('rclpy', 'rcl_interfaces', 'sensor_msgs', 'std_msgs', 'trajectory_msgs'),
+    'rosdep': (
+        'rclpy',
+        'lifecycle_msgs',
+        'rcl_interfaces',
+        'sensor_msgs',
+        'std_msgs',
+        'trajectory_msgs',
+    ),
     'rerun-sdk': ('rerun', 'rerun_bindings'),
     'matplotlib': ('matplotlib',),
     'scipy': ('scipy',),
@@ -138,6 +146,8 @@ def is_known_to_ros2(words):
             assert kind == types[topic], words
         case ('topic', 'echo' | 'hz', topic):
             assert topic in [qualified(known) for known in TOPICS], words
+        case ('lifecycle', 'set', '/linkage_node', transition):
+            assert transition in ('configure', 'activate', 'deactivate', 'cleanup'), words
         case ('param', 'set', '/linkage_node', name, value):
             live = {leaf.name: leaf.quantity for leaf in leaves(SpeedDrive) if leaf.quantity.live}
             assert name in live, words

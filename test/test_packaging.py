@@ -255,7 +255,8 @@ def test_package_xml_depends_on_all_that_the_ros_extra_brings(metadata: Message)
 # From ros/rosdistro, 2026-08-22: keys of rosdep/python.yaml that are Debian packages on Ubuntu,
 # and packages of jazzy/distribution.yaml. `rosdep install -s --os=ubuntu:noble` used only apt.
 DEBIAN_KEYS = {
-    *('builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'rclpy'),
+    *('builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'lifecycle_msgs'),
+    *('rcl_interfaces', 'rclpy'),
     *('ros2launch', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs', 'trajectory_msgs'),
     *('python3-hypothesis', 'python3-matplotlib', 'python3-numpy', 'python3-pytest'),
     *('python3-scipy', 'python3-tqdm', 'python3-yaml'),

@@ -128,6 +128,9 @@ class Input:
     def reject(self, error: ValueError) -> None:
         """Counts a rejected message, given the error of `read`."""
 
+    def resume(self) -> None:
+        """Notes that messages are read again, after a time in which they were not."""
+
     def prepare(self, motion: Any, stamp: int) -> None:
         """Takes the motion at a tick, before the messages since the last tick are read."""
 
@@ -235,6 +238,11 @@ class SharedInput:
         for source, absent in zip(self.sources.values(), unnamed, strict=True):
             source.reject(absent)
         raise unnamed[0]
+
+    def resume(self) -> None:
+        """Notes that messages are read again; see `Input.resume`."""
+        for source in self.sources.values():
+            source.resume()
 
     def troubles(self, topic: str) -> list[str]:
         """Returns warnings, given the name of the topic; a change is reported at once."""

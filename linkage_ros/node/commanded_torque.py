@@ -21,7 +21,7 @@ END_OF_MOTION = 'end of the motion'
 class CommandedTorque:
     """Decides when the torques that others hold must end, and ends them.
 
-    The thread of the ticks calls all methods except `end_for_good`.
+    The thread of the ticks calls all methods; `end_for_good` is for other threads as well.
     """
 
     def __init__(self, send_zeros: Callable[[TorqueEnd], object], timeout: float = 0.0) -> None:
@@ -35,7 +35,7 @@ class CommandedTorque:
         """
         self._send_zeros, self._timeout = send_zeros, timeout or math.inf
         self._renewed = dict[str, float]()  # time of the last command, s, of each held torque
-        self._last_cause = ''  # that of the node's end
+        self._last_cause = ''  # that of the motion's end
 
     def renew(self, linkages: Iterable[str] = ('',)) -> None:
         """Notes that torques were commanded now, by linkage."""
@@ -61,9 +61,10 @@ class CommandedTorque:
                 self._send_zeros(TorqueEnd(time.time_ns(), cause, linkage))
 
     def end_for_good(self, cause: str) -> None:
-        """Ends all torques with the node, also if they have ended before: a zero may be lost."""
-        self._last_cause = cause
-        self._end(cause)
+        """Ends all torques with the motion, also if they have ended before: a zero may be lost."""
+        if not self._last_cause:
+            self._last_cause = cause
+            self._end(cause)
 
     def _end(self, cause: str) -> None:
         self._renewed.clear()

@@ -220,6 +220,14 @@ class PolledSubscription:
             self._wait_set.wait(round(min(max(seconds, 0.0), _PATIENCE) * NS_PER_S))
         yield from self.take()
 
+    def discard(self) -> None:
+        """Takes the queued messages without reading them."""
+        handle = self._subscription.handle
+        with handle:
+            for _ in range(self._depth):
+                if not self._take(self._kind, True):
+                    break
+
     def take(self) -> Iterator[Any]:
         """Reads the queued messages; yields the results of accepted messages."""
         handle = self._subscription.handle

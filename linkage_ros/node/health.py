@@ -18,6 +18,7 @@ from linkage_ros.units import NS_PER_MS, NS_PER_S
 # Fractions of missed ticks above which the warning starts and below which it ends. They differ, so
 # that the warning does not flicker if the fraction fluctuates around one of them.
 _OVERLOADED, _RECOVERED = 0.10, 0.05
+ACTIVE = 'active'  # the state of a managed node whose motion runs
 _JITTER = 0.5  # s by which the window may be shorter or longer than 10 s
 _BUSY = (
     f'more than {100 * _OVERLOADED:g} % of the ticks of the last {WINDOW} s were missed: '
@@ -64,6 +65,7 @@ class HealthMonitor:
         figures: dict[str, str],
         parts: dict[str, Health],
         troubles: Sequence[str],
+        state: str = '',
     ) -> list[Status]:
         """Returns the statuses of the motion and of each part; call it at least once a second.
 
@@ -72,6 +74,7 @@ class HealthMonitor:
             figures: Further values for the status of the motion.
             parts: Health of log and viewer, by name.
             troubles: Other current warnings about the motion.
+            state: State of a managed node; empty for others.
 
         Returns:
             The status of the motion, followed by those of the parts.
@@ -80,7 +83,7 @@ class HealthMonitor:
         self._past.append((now, replace(counts), parts))
         while len(self._past) > 2 and now - self._past[1][0] > WINDOW - _JITTER:
             self._past.popleft()
-        return [self._motion(figures, list(troubles)), *map(self._output, parts)]
+        return [self._motion(figures, list(troubles), state), *map(self._output, parts)]
 
     def changes(self, statuses: Sequence[Status]) -> list[Status]:
         """Selects the statuses to log: new warnings, and the ends of warnings.
@@ -101,7 +104,7 @@ class HealthMonitor:
             or (status.level == WARN and status.message != before.message)
         ]
 
-    def _motion(self, figures: dict[str, str], troubles: list[str]) -> Status:
+    def _motion(self, figures: dict[str, str], troubles: list[str], state: str) -> Status:
         (start, first, _), (now, counts, _) = self._past[0], self._past[-1]
         kept, missed = counts.kept - first.kept, counts.missed - first.missed
         if counts.clock_steps > first.clock_steps:
@@ -125,9 +128,11 @@ class HealthMonitor:
             'lateness max, ms': f'{counts.max_lateness / NS_PER_MS:.3f}',
             'real-time priority': 'yes' if counts.real_time_priority else 'no',
             'clock steps': str(counts.clock_steps),
+            **({'state': state} if state else {}),
             **figures,
         }
-        words = '; '.join(troubles) or f'{rate:.1f} Hz kept'
+        usual = f'{rate:.1f} Hz kept' if state in {'', ACTIVE} else state
+        words = '; '.join(troubles) or usual
         return Status(WARN if troubles else OK, f'{self._node}: motion', words, values)
 
     def _output(self, part: str) -> Status:

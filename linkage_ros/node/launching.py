@@ -49,6 +49,10 @@ FRAMES: Arguments = {
     'frame_prefix': ('', 'prefix of every tf frame, such as left/'),
     'state_publisher': ('true', 'false: do not start robot_state_publisher'),
 }
+# An argument of launch files whose linkage_node may be a lifecycle node.
+MANAGED: Arguments = {
+    'managed': ('', 'true: a lifecycle node, which waits for configure and activate'),
+}
 OUTPUTS: Arguments = {
     'log': ('', '.mcap file to write'),
     'log_overwrite': ('', 'true: replace an existing log or .rrd file'),
@@ -58,7 +62,7 @@ OUTPUTS: Arguments = {
 _TEXTS = (
     'log', 'viewer', 'joint_prefix', 'effort_command_topic', 'crank_joint', 'frame_id', 'linkage',
 )  # fmt: skip
-_COMMON = ('use_sim_time', 'joint_prefix', *OUTPUTS)
+_COMMON = ('use_sim_time', 'joint_prefix', *MANAGED, *OUTPUTS)
 # Limit of the rate of tf, Hz. At the default of 20 Hz, a crank at 150 rpm turns by 45 deg between
 # two transforms.
 _TF_RATE = 200.0

@@ -48,10 +48,18 @@ _ARRAYS = {
 }
 
 
-def given_values(node: Node) -> dict[str, object]:
+# Parameters that are read before the node exists.
+_READ_AT_START = ('use_sim_time', 'managed')
+
+
+def given_values(node: Node, arguments: Iterable[str] = ()) -> dict[str, object]:
     """Returns the node's own parameters that command line and parameter files set, by name.
 
     Files that a parameter file names are relative to it.
+
+    Args:
+        node: The node.
+        arguments: Further arguments of the node, after those of the command line.
 
     Raises:
         ConfigurationError: A parameter file hides a value of the command line.
@@ -60,11 +68,13 @@ def given_values(node: Node) -> dict[str, object]:
         # The public automatic declaration refuses empty lists and accepts use_sim_time: 7.
         overrides = node._parameter_overrides  # noqa: SLF001
     found = without_ros_parameters({name: p.value for name, p in overrides.items()})
-    _require_no_hidden(found)
-    pairs, node_name = itertools.pairwise(sys.argv), node.get_fully_qualified_name()
+    pairs = [*itertools.pairwise((*sys.argv, *arguments))]
+    node_name = node.get_fully_qualified_name()
+    rules = _rules(pairs)
+    _require_no_hidden(found, rules)
     for path in [path for option, path in pairs if option == '--params-file']:
         read = read_parameter_file(path, node_name)
-        for name in {*names_of_others(read, path, node_name)} - {*_rules()}:
+        for name in {*names_of_others(read, path, node_name)} - {*rules}:
             found.pop(name, None)
         for name, value in with_files(read, path).items():
             if found.get(name) == read[name]:
@@ -72,14 +82,13 @@ def given_values(node: Node) -> dict[str, object]:
     return found
 
 
-def _rules() -> dict[str, str]:
-    """Returns the values that the command line gives with -p, as text by name."""
-    pairs = itertools.pairwise(sys.argv)
+def _rules(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
+    """Returns the values that -p gives in pairs of adjacent arguments, as text by name."""
     rules = (rule for option, rule in pairs if option in {'-p', '--param'} and ':=' in rule)
     return dict(rule.split(':=', 1) for rule in rules)
 
 
-def _require_no_hidden(values: Mapping[str, Any]) -> None:
+def _require_no_hidden(values: Mapping[str, Any], rules: Mapping[str, str]) -> None:
     """Rejects values of the command line that rcl ignores.
 
     If a parameter file gives a whole number, rcl ignores a later -p with another number or text;
@@ -87,11 +96,12 @@ def _require_no_hidden(values: Mapping[str, Any]) -> None:
 
     Args:
         values: Values by name, as rcl gives them.
+        rules: Values that the command line gives, as text by name.
 
     Raises:
         ConfigurationError: There is such a value.
     """
-    for name, text in _rules().items():
+    for name, text in rules.items():
         value = values.get(name)
         first = value[0] if isinstance(value, list | array) and value else value
         one = text.strip('[] ').partition(',')[0]
@@ -117,6 +127,9 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     A read-only parameter may be set to its current value, so that `ros2 param load` accepts the
     output of `ros2 param dump`.
+
+    Attributes:
+        given: Values given for the node, by name; those set later replace them.
     """
 
     def __init__(self, name: str, **options: Any) -> None:
@@ -136,6 +149,8 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
             if subscription.topic_name == clock:
                 subscription.callback = functools.partial(_set_clock, subscription.callback)
         self._quantities: dict[str, Quantity] = {}
+        self._is_open = False  # see `open_parameters`
+        self.given = given_values(self, options.get('cli_args') or ())
 
     def set_live(self, name: str, value: Any) -> None:
         """Handles a change of a live parameter to a checked value; subclasses override this."""
@@ -151,13 +166,32 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
             parameters: Names and quantities.
             values: Checked values, including the overrides of the node.
         """
+        was_open, self._is_open = self._is_open, False
+        for name in self.given if was_open else ():
+            self.undeclare_parameter(name)
         for name, quantity, _ in parameters:
             # A parameter that is None has no value, and rclpy cannot dump it.
             if name in values:
                 # The overrides are in the values; rclpy would refuse 60 for 60.0.
                 descriptor = _descriptor(name, quantity)
+                # rclpy cannot undeclare what is read-only.
+                descriptor.read_only = not (quantity.live or was_open)
                 self.declare_parameter(name, values[name], descriptor, ignore_override=True)
                 self._quantities[name] = quantity
+
+    def open_parameters(self) -> None:
+        """Declares only the given values; until `declare`, others may be set, added or deleted."""
+        if self._is_open:
+            return
+        for name in self._quantities:
+            self.undeclare_parameter(name)
+        self._quantities, self._is_open = {}, True
+        for name, value in self.given.items():
+            self._declare_any(name, value)
+
+    def _declare_any(self, name: str, value: object) -> None:
+        descriptor = ParameterDescriptor(name=name, dynamic_typing=True)
+        self.declare_parameter(name, value, descriptor, ignore_override=True)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Sets all parameters or none; all services that set parameters call this method.
@@ -174,9 +208,10 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
             old = self.get_parameter(new.name) if self.has_parameter(new.name) else None
             if old is None or new.get_parameter_value() != old.get_parameter_value():
                 changed.append(new)
-        if any(parameter.name == 'use_sim_time' for parameter in changed):
-            reason = 'use_sim_time is read when the node starts: start it again'
+        if reason := next(filter(None, map(self._refusal, changed)), ''):
             return SetParametersResult(successful=False, reason=reason)
+        if self._is_open:
+            return self._give(changed)
         live = {name: quantity for name, quantity in self._quantities.items() if quantity.live}
         try:  # rclpy accepts numbers just beyond a range, and does not check those of an array
             checked = {
@@ -188,8 +223,32 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
             return SetParametersResult(successful=False, reason=str(error))
         result = super().set_parameters_atomically(changed)
         if result.successful:
+            self.given |= checked
             for name, value in checked.items():
                 self.set_live(name, value)
+        return result
+
+    def _refusal(self, changed: Parameter) -> str:
+        """Returns why a parameter cannot be changed now; empty if it can."""
+        name = changed.name
+        if name in _READ_AT_START:
+            return f'{name} is read when the node starts: start it again'
+        quantity = self._quantities.get(name)
+        if quantity and not (quantity.live or self.describe_parameter(name).read_only):
+            return f'{name} is read when the node is configured: clean it up first'
+        return ''
+
+    def _give(self, changed: list[Parameter]) -> SetParametersResult:
+        """Sets, adds or deletes given values, which are checked later."""
+        for new in changed:
+            if new.type_ is not Parameter.Type.NOT_SET and not self.has_parameter(new.name):
+                self._declare_any(new.name, new.value)
+        result = super().set_parameters_atomically(changed)
+        for new in changed if result.successful else ():
+            if self.has_parameter(new.name):
+                self.given[new.name] = _plain(new)
+            else:
+                self.given.pop(new.name, None)
         return result
 
 

@@ -81,26 +81,29 @@ class Ticker:
                 driven by messages.
         """
         self.counts = TickCounts()
-        self.t0 = 0
+        self.t0 = self._next = 0
         self._ticks, self._tick, self._restamp, self._fail = ticks, tick, restamp, fail
         self._receive = receive
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name='ticker', daemon=True)
+        self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Starts the thread."""
+        """Starts the thread; after a stop, the ticks continue with the next one."""
+        self._stop.clear()
+        self._thread = threading.Thread(target=self._run, name='ticker', daemon=True)
         self._thread.start()
 
     def stop(self, join: Callable[[threading.Thread], object] = threading.Thread.join) -> bool:
-        """Ends the thread after the current tick; returns whether it has ended.
+        """Ends the thread, if it runs, after the current tick; returns whether it has ended.
 
         Args:
             join: Waits for the thread.
         """
         self._stop.set()
-        if self._thread.is_alive():
-            join(self._thread)
-        return not self._thread.is_alive()
+        thread = self._thread
+        if thread and thread.is_alive():
+            join(thread)
+        return not (thread and thread.is_alive())
 
     def _run(self) -> None:
         show_name()
@@ -123,6 +126,13 @@ class Ticker:
     def _stamp(self, tick: int) -> int:
         return self.t0 + self._ticks.elapsed(tick)
 
+    def _begin(self, now: int) -> None:
+        """Stamps the next tick with the current time, ns; after a stop, the motion continues."""
+        old = self._stamp(self._next)
+        self.t0 = now - self._ticks.elapsed(self._next)
+        if self._next:
+            self._restamp(old, now)
+
     def _step_clock(self, tick: int, shift: int) -> None:
         """Shifts the stamps of a tick and all later ticks by a step of the clock, ns."""
         old = self._stamp(tick)
@@ -136,21 +146,22 @@ class RealTimeTicker(Ticker):
     """Generates ticks in real time."""
 
     def _due(self) -> Iterator[tuple[int]]:
-        tick, origin = 0, time.monotonic_ns()
-        self.t0 = origin + _clock_offset()
+        now = time.monotonic_ns()
+        origin = now - self._ticks.elapsed(self._next)
+        self._begin(now + _clock_offset())
         while True:
-            late = self._sleep_until(origin + self._ticks.elapsed(tick))
+            late = self._sleep_until(origin + self._ticks.elapsed(self._next))
             if self._stop.is_set():
                 return
             self.counts.lateness.append(late)
             self.counts.max_lateness = max(self.counts.max_lateness, late)
             due = self._ticks.tick_at(time.monotonic_ns() - origin)
-            self.counts.missed += due - tick
+            self.counts.missed += due - self._next
             stepped = origin + _clock_offset() - self.t0
             if abs(stepped) > CLOCK_STEP:
                 self._step_clock(due, stepped)
             yield (self._stamp(due),)
-            tick = due + 1
+            self._next = due + 1
 
     def _sleep_until(self, deadline: int) -> int:
         """Sleeps until a time of the monotonic clock or a stop; returns the lateness, ns."""
@@ -182,20 +193,21 @@ class SimTimeTicker(Ticker):
     """
 
     def _due(self) -> Iterator[tuple[int]]:
-        tick, last = 0, None
+        last = None
         while not self._stop.is_set():
             for now in self._receive():
                 if last is None:
-                    self.t0 = last = now
+                    self._begin(now)
+                    last = now
                 if now < last:
                     # Stamp the next state with the new time, without a jump of the motion.
-                    self._step_clock(tick, now - self._stamp(tick))
+                    self._step_clock(self._next, now - self._stamp(self._next))
                 due = self._ticks.tick_at(now - self.t0) if now >= self.t0 else -1
-                if due - tick >= _MAX_TICKS_PER_MESSAGE:
+                if due - self._next >= _MAX_TICKS_PER_MESSAGE:
                     self.counts.clock_steps += 1
                     self.counts.last_step = now - last
-                    tick = due
+                    self._next = due
                 last = now
-                while tick <= due and not self._stop.is_set():
-                    yield (self._stamp(tick),)
-                    tick += 1
+                while self._next <= due and not self._stop.is_set():
+                    yield (self._stamp(self._next),)
+                    self._next += 1

@@ -35,6 +35,7 @@ def freeze_heap() -> None:
 
     This shortens collections, which otherwise visit all objects.
     """
+    gc.unfreeze()  # an earlier set-up may have become garbage
     gc.collect()
     gc.freeze()
 

@@ -18,7 +18,7 @@ from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError, in_file
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.node.parameter_node import ParameterNode, given_values
+from linkage_ros.node.parameter_node import ParameterNode
 from linkage_ros.node.process import Throttle, run_program
 from linkage_ros.quantities import build, flatten, unknown_name
 from linkage_ros.settings.configuration import load
@@ -86,7 +86,7 @@ class ControllerNode(ParameterNode):
     def __init__(self, stop: cli.Stop) -> None:
         super().__init__(_NAME)
         self._stop = stop
-        given = given_values(self)
+        given = self.given
         names = [leaf.name for leaf in PARAMETERS]
         for name in given:
             if name not in names:

@@ -26,7 +26,7 @@ from linkage_ros.settings.plane import Plane
 JOINT_PREFIX = '[A-Za-z0-9_]*'  # regular expression
 # Parameters of the whole run, which no linkage has of its own.
 OF_THE_RUN = (
-    'linkages', 'drive', 'rate_hz', 'log', 'log_overwrite', 'viewer', 'viewer_bind',
+    'linkages', 'managed', 'drive', 'rate_hz', 'log', 'log_overwrite', 'viewer', 'viewer_bind',
     'effort_command_topic', 'lead_time', 'trajectory_command_topic', 'trajectory_horizon',
     'measurement_timeout',
 )  # fmt: skip
@@ -75,6 +75,7 @@ class Session(Checked):
 
     Attributes:
         linkages: Names of the linkages; None for one linkage without a name.
+        managed: Whether the node is a lifecycle node.
         rate_hz: Number of states per second.
         log: Path of the MCAP log; empty for no log.
         log_overwrite: Whether an existing log or .rrd file may be replaced.
@@ -93,6 +94,10 @@ class Session(Checked):
         'names', 'names of several linkages; the parameters of each are below its name, or, for '
         'all linkages, at the top',
         pattern='[A-Za-z][A-Za-z0-9_]*', default=None,
+    )  # fmt: skip
+    managed: bool = quantity(
+        'switch', 'make linkage_node a lifecycle node, which waits for configure and activate',
+        default=False,
     )  # fmt: skip
     rate_hz: float = quantity('number', 'states per second', 'Hz', span=(0.01, 1e5), default=200.0)
     log: str = quantity('text', 'path of the .mcap log; empty: no log', default='')

@@ -117,7 +117,12 @@ class MeasuredCrank(Input):
         self._frame_joint, self._frame_reader = frame.read_by(), JointReader(frame.name)
         self._frame = FollowMotion(bandwidth, 1) if frame.name else None
         self.rejected: Counter[str] = Counter()
-        self._timeout, self._losses = timeout, Losses()
+        self._timeout = timeout
+        self.resume()
+
+    def resume(self) -> None:
+        """Waits for the first measurement; see `Input.resume`."""
+        self._losses = Losses()
         self._last = time.monotonic()  # time of the last accepted measurement, s, or of the start
         self._is_heard = False
 
