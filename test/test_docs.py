@@ -30,6 +30,7 @@ from pages import (
 )
 from ros_harness import command, finished, hiding, stop, wait_for, watched
 from sensor_msgs.msg import JointState
+from test_managed import Supervisor
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
@@ -268,6 +269,8 @@ def run_node(words, folder):
     topic = '/linkage/joint_states' if is_following else '/joint_states'
     with watched([topic], *words, cwd=folder) as (listener, process):
         robot = listener.node.create_publisher(JointState, '/joint_states', 10)
+        if 'managed:=true' in words:
+            Supervisor(listener).follow('configure', 'activate')
 
         def has_answered():
             if is_following:
