@@ -169,24 +169,27 @@ class LinkageNode(LifecycleNodeMixin, ParameterNode):  # type: ignore[misc]  # r
         accompany_ticker()  # a tick may wait for the interpreter lock that a report holds
         due = time.monotonic() + _REPORT_SECONDS
         while not (self._must_end or self._stop.wait(_WATCH_SECONDS)):
-            if not self._lock.acquire(blocking=False):  # a transition lasts
-                continue
-            now = time.monotonic()
-            try:
+            if self._lock.acquire(blocking=False):  # otherwise, a transition is under way
+                now = time.monotonic()
+                try:
+                    self._report(only_news=now < due)
+                finally:
+                    self._lock.release()
                 if now >= due:
                     due = max(due + _REPORT_SECONDS, now)
-                    self._report()
-                elif self._run and self._state in _MOVING and self._run.has_news():
-                    self._report()
-            finally:
-                self._lock.release()
 
-    def _report(self) -> None:
-        """Publishes the diagnostics; an error, whatever it is, ends the motion."""
+    def _report(self, *, only_news: bool = False) -> None:
+        """Publishes the diagnostics; any error ends the motion.
+
+        Args:
+            only_news: Whether to do so only if a source of messages was lost or has returned.
+        """
+        is_moving = self._state in _MOVING
         try:
-            self._diagnose()
+            if not only_news or (self._run and is_moving and self._run.has_news()):
+                self._diagnose()
         except Exception as error:  # noqa: BLE001, the torque must end
-            if self._run and self._state in _MOVING:
+            if self._run and is_moving:
                 self._run.fail(error)
             else:
                 self._has_failed = True
