@@ -39,11 +39,13 @@ def main() -> int:
     linkage = LinkageNode(stop)
     executor.add_node(linkage)
     executor.add_node(Watcher())
-    threading.Thread(target=executor.spin, daemon=True).start()
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
     linkage.start()
     stop.wait()
     code = linkage.end()
     executor.shutdown()
+    thread.join()
     rclpy.shutdown()
     return code
 

@@ -3,6 +3,7 @@
 """The motion of a node's linkages: ticks, published states, log and view, diagnostics."""
 
 import functools
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
@@ -141,11 +142,11 @@ class LiveRun:
         return found
 
     def _make_ticker(self) -> Ticker:
-        callbacks = self._robot.ticks, self._tick, self._restamp, self.fail
+        callbacks = self._robot.ticks, self._tick, self._restamp, self._fail
         if self._robot.drive.is_measured:
             ((measured, _),) = self._inputs
             receive = functools.partial(self._measurements, measured)
-            return Ticker(self._robot.ticks, self._answer, self._restamp, self.fail, receive)
+            return Ticker(self._robot.ticks, self._answer, self._restamp, self._fail, receive)
         if not self._node.get_parameter('use_sim_time').value:
             return RealTimeTicker(*callbacks)
         clock = PolledSubscription(self._node, SIMULATED_CLOCK, read_clock, lambda *_: None)
@@ -189,8 +190,7 @@ class LiveRun:
             join: Waits for a thread, with a time limit.
         """
         self._ticker.stop(functools.partial(join, timeout=_LAST_TICK_SECONDS))
-        self._torque.end_for_good(cause)
-        wait_for_delivery(self._command_publishers().values())
+        self._end_torques(cause)
         if self._ticker.stop(join):
             return True
         self._node.get_logger().error('a tick hangs, and the motion ends without it')
@@ -371,6 +371,7 @@ class LiveRun:
         motions = {name: x.motion for name, x in self._moving.items() if x.motion}
         if (message := ahead.message_at(motions, stamp)) is not None:
             self._publish(ahead.topic, message)
+            self._torque.renew(())
 
     def _command_publishers(self) -> dict[str, Publisher]:
         """Returns the publishers of commands for controllers, by name of the topic."""
@@ -458,7 +459,12 @@ class LiveRun:
                 linkage.first = ()
 
     def fail(self, error: BaseException) -> None:
-        """Ends the motion and the torques because of an error in a tick or a report."""
+        """Ends the motion and the torques because of an error in a report."""
+        self._ticker.stop(functools.partial(threading.Thread.join, timeout=_LAST_TICK_SECONDS))
+        self._fail(error)
+
+    def _fail(self, error: BaseException) -> None:
+        """Ends the torques because of an error, after the last tick."""
         if self.error:
             return
         self.error = error
@@ -470,9 +476,14 @@ class LiveRun:
         whose = next((name for name, x in self._ended.items() if x is error), '')
         self._node.get_logger().fatal(f'{prefix_of(whose, ": ")}{kind}{error}')
         cause = END_OF_MOTION if isinstance(error, MotionError) else 'error'
+        self._end_torques(cause)
+        self._on_failure()
+
+    def _end_torques(self, cause: str) -> None:
+        """Sends torques of 0, and waits for their delivery; reports if ROS has ended before."""
         try:
             self._torque.end_for_good(cause)
-        except Exception as failure:  # noqa: BLE001, the node must learn of the first error
-            words = one_line(f'{type(failure).__name__}: {failure}')
+            wait_for_delivery(self._command_publishers().values())
+        except RuntimeError as error:  # RCLError, which has no public name
+            words = one_line(str(error))
             self._node.get_logger().fatal(f'a torque of 0 cannot be sent: {words}')
-        self._on_failure()

@@ -193,6 +193,10 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
         descriptor = ParameterDescriptor(name=name, dynamic_typing=True)
         self.declare_parameter(name, value, descriptor, ignore_override=True)
 
+    def set_parameters(self, parameter_list: list[Parameter]) -> list[SetParametersResult]:
+        """Sets parameters one by one; rclpy would not call `set_parameters_atomically`."""
+        return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
+
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Sets all parameters or none; all services that set parameters call this method.
 
