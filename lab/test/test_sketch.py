@@ -122,19 +122,17 @@ def test_each_bar_is_in_the_words_and_has_at_most_one_dimension(source):
     texts, _ = written(design_of(source))
     words = {line.partition(': ')[0]: line for line in describe(sketched)}
     for link in sketched.drawing.turning:
-        for start, end in _bars(sketched, link):
-            assert f' {sketched.length(abs(end - start))}' in words[link]
-            shown = sketched.length(abs(end - start), 4)
+        for bar in _bars(sketched, link):
+            assert f' {sketched.length(bar.length)}' in words[link]
+            shown = sketched.length(bar.length, 4)
             bars = [bar for one in sketched.drawing.turning for bar in _bars(sketched, one)]
-            assert texts.count(shown) <= sum(
-                sketched.length(abs(x - y), 4) == shown for x, y in bars
-            )
+            assert texts.count(shown) <= sum(sketched.length(x.length, 4) == shown for x in bars)
 
 
 def test_pins_on_a_bar_divide_its_dimension():
     bar = {**GAS, 'drawing.pins.P': [85.0, 65.0]}  # the middle of A and B
     sketched = sketch_of(configure(bar).only)
-    assert {*_bars(sketched, 'coupler').values()} == {'A to P', 'P to B'}
+    assert {bar.name for bar in _bars(sketched, 'coupler')} == {'A to P', 'P to B'}
 
 
 def test_a_dimension_without_room_at_its_bar_is_left_to_the_words(monkeypatch):

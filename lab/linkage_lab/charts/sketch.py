@@ -34,7 +34,7 @@ from linkage_lab.sampling import without_loads
 from linkage_ros import ConfigurationError, Force, Solver, Spring, State, cli
 from linkage_ros.extensions import LOADS
 from linkage_ros.formulas import Array
-from linkage_ros.internals import FRAME, UNITS, Drawing, axes_of
+from linkage_ros.internals import FRAME, UNITS, Drawing, axes_of, radians_per_second
 from linkage_ros.palette import BLACK, DARK, Color, fractions
 from linkage_ros.quantities import Angle, leaves
 
@@ -161,23 +161,28 @@ def sketch_of(design: Any, at: float | None = None) -> Sketched:
         UnreachableError: The mechanism cannot be there.
     """
     solver = without_loads(Solver(design.mechanism))
-    driven, reach = solver.structure.driven_link, solver.mobility
+    driven = solver.structure.driven_link
     if driven.slides and isinstance(at, Angle):
         raise ConfigurationError(
             f'--at: {driven.name} is driven and slides; give its position in m'
         )
     positions, rates = design.mechanism.start()
-    place = _drawn_at(design) if at is None else at
-    if place is None:
-        place = math.radians(DRAWN_AT)
-        if reach is not None and not reach.turns_fully:
-            place = design.drive.drawn_angle(design.mechanism)
-            low, high = reach.arc_around(place)
-            place = place if low < place < high else 0.5 * (low + high)
+    place = _default_place(design, solver) if at is None else at
     rpm = 0.0 if driven.slides else getattr(design.drive, 'rpm', 0.0)
-    speed = (rpm * math.pi / 30, *rates)
-    state = solver.state((place, *positions), speed)
+    state = solver.state((place, *positions), (radians_per_second(rpm), *rates))
     return Sketched(design, solver, place, state, _unit(design))
+
+
+def _default_place(design: Any, solver: Solver) -> float:
+    """Returns the position of the driven joint if none is given; see `sketch_of`."""
+    drawn, reach = _drawn_at(design), solver.mobility
+    if drawn is not None:
+        return drawn
+    if reach is None or reach.turns_fully:
+        return math.radians(DRAWN_AT)
+    start: float = design.drive.drawn_angle(design.mechanism)
+    low, high = reach.arc_around(start)
+    return start if low < start < high else 0.5 * (low + high)
 
 
 def sketch_at(design: Any, period: Period, now: int) -> Sketched:
@@ -214,16 +219,20 @@ def describe(sketched: Sketched) -> Iterator[str]:
     yield from _kind(sketched)
     first = next(iter(structure.points))
     drawn = 'as drawn' if sketched.place == _drawn_at(sketched.design) else 'shown'
-    axes = 'base_link' + ', in the axes of the drawing' * bool(sketched.design.mechanism.drawn)
+    is_drawn = bool(sketched.design.mechanism.drawn)
+    axes = 'base_link, in the axes of the drawing' if is_drawn else 'base_link'
     driven = structure.driven_link
     yield (
         f'{drawn} at {driven.name} {_position(sketched, structure.driven)}; lengths in '
         f'{sketched.unit}, from {first}, the origin of {axes}'
     )
     drawing = sketched.drawing
-    fixed = dict(zip(drawing.pivot_names, drawing.pivots @ (1, 1j), strict=True))
+    fixed = {
+        name: complex(*pivot)
+        for name, pivot in zip(drawing.pivot_names, drawing.pivots, strict=True)
+    }
     fixed |= pins_of_cylinders(sketched.design, structure)
-    places = (f'{name} {sketched.at(complex(place))}' for name, place in fixed.items())
+    places = (f'{name} {sketched.at(place)}' for name, place in fixed.items())
     yield f'frame: {", ".join(places)}'
     for j in range(len(structure.links)):
         yield _link(sketched, j)
@@ -246,11 +255,12 @@ def _kind(sketched: Sketched) -> Iterator[str]:
     plural = 's' if len(dyads) > 1 else ''
     added = f', and the dyad{plural} {"; ".join(dyads)}' if dyads else ''
     yield f'{sketched.design.mechanism_words}: {names}{added}'
-    loop = ['' if 'assembly' in _unused(mechanism) else f'loop {mechanism.assembly}']
     assemblies = [dyad.assembly_words for dyad in mechanism.dyads if dyad.has_assemblies]
+    if 'assembly' not in _unused(mechanism):
+        assemblies.insert(0, f'loop {mechanism.assembly}')
+    if assemblies:
+        yield f'assemblies: {"; ".join(assemblies)}'
     reach, driven = solver.mobility, solver.structure.driven_link
-    if any(shown := [x for x in (*loop, *assemblies) if x]):
-        yield f'assemblies: {"; ".join(shown)}'
     free = len(solver.coordinates)
     yield f'{free} degree{"s" if free > 1 else ""} of freedom; input: {driven.name}'
     if reach is not None:
@@ -264,15 +274,14 @@ def _unused(mechanism: Any) -> dict[str, str]:
 
 def _reach(reach: Any, driven: Any) -> str:
     """Describes the class and the reach of the driven joint."""
-    group = '' if reach.slides else f'{reach.grashof}: '
+    start = driven.name if reach.slides else f'{reach.grashof}: {driven.name}'
     if reach.turns_fully:
         turns = reach.period_turns
-        return f'{group}{driven.name} turns fully' + (
-            f', the motion repeats after {turns} turns' if turns > 1 else ''
-        )
+        repeats = f', the motion repeats after {turns} turns' if turns > 1 else ''
+        return f'{start} turns fully{repeats}'
     scale, unit = (1.0, 'm') if reach.slides else (180 / math.pi, 'deg')
     arcs = [f'{low * scale:.6g} to {high * scale:.6g} {unit}' for low, high in reach.arcs]
-    return f'{group}{driven.name} {" and ".join(arcs)}; {"; ".join(reach.limits)}'
+    return f'{start} {" and ".join(arcs)}; {"; ".join(reach.limits)}'
 
 
 def _position(sketched: Sketched, j: int) -> str:
@@ -285,49 +294,59 @@ def _position(sketched: Sketched, j: int) -> str:
 
 def _link(sketched: Sketched, j: int) -> str:
     """Describes a link: its axes, length and mass."""
-    structure = sketched.solver.structure
-    link, part = structure.links[j], sketched.design.mechanism.parts()[structure.links[j].name]
-    position = _position(sketched, j)
-    if link.slides:
-        on = 'the frame' if link.parent is None else structure.links[link.parent].name
-        zero = _zero(sketched, j)
-        way = in_degrees(math.remainder(sketched.direction(j), math.tau))
-        words = f'slides on {on} at {position}, 0 at {sketched.at(zero)}, + towards {way}'
-    else:
-        start, end = _ends(sketched, j)
-        ends = f'from {start} to {end}, ' if end else f'turns about {start}, '
-        words = f'{ends}direction {position}'
-        if length := getattr(part, 'length', 0.0):
-            words += f', length {sketched.length(length)}'
-        for (one, other), name in _bars(sketched, link.name).items():
-            if name not in {f'{start} to {end}', f'{end} to {start}'}:
-                words += f', {name} {sketched.length(abs(other - one))}'
+    link = sketched.solver.structure.links[j]
+    part = sketched.design.mechanism.parts()[link.name]
+    words = _slide_words(sketched, j) if link.slides else _turning_words(sketched, j, part)
     for name, unit in (('mass', 'kg'), ('inertia', 'kg m^2')):
         if value := getattr(part, name, 0.0):
             words += f', {name} {rounded(value)} {unit}'
     return f'{link.name}: {words}'
 
 
+def _slide_words(sketched: Sketched, j: int) -> str:
+    """Describes on what a link slides, its position, and where that is 0."""
+    links = sketched.solver.structure.links
+    parent = links[j].parent
+    carrier = 'the frame' if parent is None else links[parent].name
+    direction = in_degrees(math.remainder(sketched.direction(j), math.tau))
+    return (
+        f'slides on {carrier} at {_position(sketched, j)}, 0 at '
+        f'{sketched.at(_zero(sketched, j))}, + towards {direction}'
+    )
+
+
+def _turning_words(sketched: Sketched, j: int, part: Any) -> str:
+    """Describes between which points a link runs, its direction, and the lengths of its bars."""
+    start, end = _ends(sketched, j)
+    ends = f'from {start} to {end}' if end else f'turns about {start}'
+    words = f'{ends}, direction {_position(sketched, j)}'
+    if length := getattr(part, 'length', 0.0):
+        words += f', length {sketched.length(length)}'
+    for bar in _bars(sketched, sketched.solver.structure.links[j].name):
+        if bar.name not in {f'{start} to {end}', f'{end} to {start}'}:
+            words += f', {bar.name} {sketched.length(bar.length)}'
+    return words
+
+
 def _ends(sketched: Sketched, j: int) -> tuple[str, str]:
     """Returns the names of the points from which and to which a link's direction runs."""
     structure = sketched.solver.structure
     part = sketched.design.mechanism.parts()[structure.links[j].name]
-    start = structure.point_of(j, (0.0, 0.0))
-    end = structure.point_of(j, (getattr(part, 'length', 0.0), 0.0))
+    length = getattr(part, 'length', 0.0)
     places = {name: sketched.point(point) for name, point in structure.points.items()}
     near = 1e-9 * max(map(abs, places.values()))
 
-    def nearest(point: Any) -> str:
-        place = sketched.point(point)
-        return next((x for x, other in places.items() if abs(other - place) < near), '')
+    def name_at(distance: float) -> str:
+        place = sketched.point(structure.point_of(j, (distance, 0.0)))
+        return next((name for name, other in places.items() if abs(other - place) < near), '')
 
-    return nearest(start), nearest(end) if getattr(part, 'length', 0.0) else ''
+    return name_at(0.0), name_at(length) if length else ''
 
 
 def _zero(sketched: Sketched, j: int) -> complex:
     """Returns the place on the path of a sliding link's pin at which its position is 0, m."""
-    way = cmath.rect(1.0, sketched.direction(j))
-    return sketched.pin_of(j) - float(sketched.state.position[j]) * way
+    direction = cmath.rect(1.0, sketched.direction(j))
+    return sketched.pin_of(j) - float(sketched.state.position[j]) * direction
 
 
 def _springs(sketched: Sketched) -> Iterator[tuple[str, complex, complex]]:
@@ -349,31 +368,41 @@ def spring_lines(design: Any, structure: Any, positions: Array) -> dict[str, Arr
     Returns:
         Lines of shape (n, 2, 2), m, by name.
     """
-    given, turned = design.drawn_mechanism, np.exp(1j * positions)
-    in_cylinders = {x.name: x.cylinder for x in getattr(given, 'loads', ()) if _cylinder(x)}
-    found = dict[str, tuple[Any, Any]]()
-    for one in design.mechanism.loads:
-        if isinstance(one, Spring):
-            cylinder = in_cylinders.get(one.name)
-            (_, start), (_, end) = one.ends(structure)
-            found[f'{cylinder} ({one.name})' if cylinder else one.name] = start, end
-    fixed = pins_of_cylinders(design, structure)
-    if drawing := getattr(given, 'drawing', None):
-        for cylinder in drawing.cylinders:
-            if cylinder.name != drawing.input and cylinder.name not in in_cylinders.values():
-                start, end = (
-                    structure.points.get(pin, fixed.get(pin))
-                    for pin in (cylinder.from_, cylinder.to)
-                )
-                found[cylinder.name] = start, end
+    directions = np.exp(1j * positions)
 
     def places(point: Any) -> Array:
-        if isinstance(point, complex):
+        if isinstance(point, complex):  # it is fixed
             return np.full(len(positions), point)
-        return np.asarray(point.fixed + turned @ np.array(point.weights))
+        return np.asarray(point.fixed + directions @ np.array(point.weights))
 
-    lines = {name: np.stack([*map(places, ends)], axis=1) for name, ends in found.items()}
-    return {name: np.stack([line.real, line.imag], axis=-1) for name, line in lines.items()}
+    lines = dict[str, Array]()
+    for name, (start, end) in _line_ends(design, structure).items():
+        line = np.stack([places(start), places(end)], axis=1)
+        lines[name] = np.stack([line.real, line.imag], axis=-1)
+    return lines
+
+
+def _line_ends(design: Any, structure: Any) -> dict[str, tuple[Any, Any]]:
+    """Returns the ends of springs, and of cylinders without one, by name.
+
+    An end is a point of the structure, or a fixed place, x + iy, m.
+    """
+    given = design.drawn_mechanism
+    cylinder_of = {x.name: x.cylinder for x in getattr(given, 'loads', ()) if _cylinder(x)}
+    ends = dict[str, tuple[Any, Any]]()
+    for load in design.mechanism.loads:
+        if isinstance(load, Spring):
+            (_, start), (_, end) = load.ends(structure)
+            cylinder = cylinder_of.get(load.name)
+            ends[f'{cylinder} ({load.name})' if cylinder else load.name] = start, end
+    drawing = getattr(given, 'drawing', None)
+    if drawing is None:
+        return ends
+    points = pins_of_cylinders(design, structure) | structure.points
+    for cylinder in drawing.cylinders:
+        if cylinder.name != drawing.input and cylinder.name not in cylinder_of.values():
+            ends[cylinder.name] = points.get(cylinder.from_), points.get(cylinder.to)
+    return ends
 
 
 def pins_of_cylinders(design: Any, structure: Any) -> dict[str, complex]:
@@ -443,7 +472,7 @@ class _Label(NamedTuple):
     Attributes:
         text: The name.
         at: Position of the labelled part, x + iy, m.
-        way: Preferred direction from there.
+        direction: Preferred direction from there.
         color: Colour of the text.
         bold: Whether the label names a link.
         is_optional: Whether it is left out if there is no room near its place.
@@ -451,152 +480,206 @@ class _Label(NamedTuple):
 
     text: str
     at: complex
-    way: complex
+    direction: complex
     color: Color
     bold: bool = False
     is_optional: bool = False
 
 
+class _Drawn(NamedTuple):
+    """Labels of drawn parts, and lines that names should not cover, m, shapes (k, 2)."""
+
+    labels: list[_Label]
+    lines: list[Array]
+
+
 def draw_sketch(axes: Axes, sketched: Sketched, *, with_dimensions: bool) -> None:
     """Draws a mechanism with all names and its loads."""
     drawing = sketched.drawing
-    size = float(np.ptp(drawing.bounds, axis=0).max())
-    labels = list[_Label]()
-    lines = [np.array([[start.real, start.imag], [end.real, end.imag]])
-             for _, start, end in _springs(sketched)]  # fmt: skip
-    for (name, start, end), line in zip(_springs(sketched), lines, strict=True):
+    parts = (
+        _draw_springs(axes, sketched),
+        _draw_loads(axes, sketched),
+        _draw_slides(axes, sketched),
+    )
+    labels = [label for part in parts for label in part.labels]
+    marks = [line for part in parts for line in part.lines]
+    path = drawing.positions if sketched.path is None else sketched.path
+    picture = LinkagePicture(axes, drawing, path, sketched.positions, marks)
+    places = drawing.place(sketched.positions)
+    lines = {link: line for link, (line,) in drawing.links(places).items()}
+    middle = complex(*np.mean(places[0], axis=0))
+    names = [link.name for link in sketched.solver.structure.links]
+    labels += [_name(axes, sketched, j, lines[name], middle) for j, name in enumerate(names)]
+    if with_dimensions:
+        labels += _dimensions(sketched, marks)
+    # Marks count twice: a covered arrow is worse than a covered link.
+    covered = [*marks, *marks, *(lines[name] for name in names), *drawing.ground]
+    _write(axes, picture, labels, covered)
+
+
+def _draw_springs(axes: Axes, sketched: Sketched) -> _Drawn:
+    """Draws springs, cylinders, and the pins that only they have."""
+    drawn = _Drawn([], [])
+    for name, start, end in _springs(sketched):
+        line = np.array([[start.real, start.imag], [end.real, end.imag]])
         axes.plot(*line.T, **SPRING_STYLE)
-        labels.append(_Label(name, 0.5 * (start + end), 1j * (end - start), DARK))
+        drawn.lines.append(line)
+        drawn.labels.append(_Label(name, 0.5 * (start + end), 1j * (end - start), DARK))
     for name, place in pins_of_cylinders(sketched.design, sketched.solver.structure).items():
         axes.plot(place.real, place.imag, 'o', color=fractions(DARK), markersize=3.5)
-        labels.append(_Label(name, place, -1j, BLACK))
+        drawn.labels.append(_Label(name, place, -1j, BLACK))
+    return drawn
+
+
+def _draw_loads(axes: Axes, sketched: Sketched) -> _Drawn:
+    """Draws the arrows of loads, with their values."""
+    drawing, drawn = sketched.drawing, _Drawn([], [])
     values = drawing.load_values(sketched.positions, sketched.rates)
     for name, (arrow,) in drawing.loads(sketched.positions, sketched.rates).items():
         if not np.ptp(arrow, axis=0).any():
             continue  # no load here
         axes.plot(*arrow.T, color=fractions(BLACK), linewidth=2.0)
-        tail, tip = (complex(*arrow[i]) for i in (0, -2))
-        word = name.partition(' on ')[0] if ' on ' in name else f'on {name}'
-        labels.append(_Label(f'{word} {values[name][0]}', tail, tail - tip or 1j, BLACK))
-        lines.append(arrow)
-    labels += _slides(axes, sketched, 0.025 * size, lines)
-    path = drawing.positions if sketched.path is None else sketched.path
-    marks = [*lines]  # count twice below: a covered arrow is worse than a covered link
-    picture = LinkagePicture(axes, drawing, path, sketched.positions, marks)
-    shown = drawing.links(drawing.place(sketched.positions))
-    middle = complex(*np.mean(drawing.place(sketched.positions)[0], axis=0))
-    for j, link in enumerate(sketched.solver.structure.links):
-        (line,) = shown[link.name]
-        lines.append(line)
-        labels.append(_name(axes, sketched, drawing, j, line, middle))
-    if with_dimensions:
-        labels += _dimensions(sketched, drawing, marks)
-    _write(axes, picture, labels, marks + lines + drawing.ground)
+        tail, tip = complex(*arrow[0]), complex(*arrow[-2])
+        load, on_link, _ = name.partition(' on ')
+        word = load if on_link else f'on {name}'
+        drawn.lines.append(arrow)
+        drawn.labels.append(_Label(f'{word} {values[name][0]}', tail, tail - tip or 1j, BLACK))
+    return drawn
 
 
-def _slides(axes: Axes, sketched: Sketched, mark: float, lines: list[Array]) -> Iterator[_Label]:
-    """Draws where the position of each slide is 0, and its + direction; yields their labels.
-
-    Args:
-        axes: Axes to draw in.
-        sketched: The mechanism.
-        mark: Unit of the sizes, m.
-        lines: Lines that names should not cover, to which these are added.
-    """
+def _draw_slides(axes: Axes, sketched: Sketched) -> _Drawn:
+    """Draws where the position of each slide is 0, and its + direction."""
+    drawn = _Drawn([], [])
+    mark = 0.025 * float(np.ptp(sketched.drawing.bounds, axis=0).max())  # unit of the sizes, m
     for j, link in enumerate(sketched.solver.structure.links):
         if not link.slides:
             continue
-        zero, way = _zero(sketched, j), cmath.rect(1.0, sketched.direction(j))
-        side = 1j * way
+        zero, direction = _zero(sketched, j), cmath.rect(1.0, sketched.direction(j))
+        side = 1j * direction
         start = zero + 1.5 * mark * side  # beside the path
         tick = np.array([zero, start + 0.5 * mark * side])
         axes.plot(tick.real, tick.imag, color=fractions(BLACK), linewidth=1.0)
-        tip = start + _MARKS * mark * way
+        tip = start + _MARKS * mark * direction
         axes.annotate(
             '', (tip.real, tip.imag), (start.real, start.imag),
             arrowprops={'arrowstyle': '-|>', 'color': fractions(BLACK), 'linewidth': 0.9},
         )  # fmt: skip
         axes.plot(tip.real, tip.imag, linestyle='')  # counts for the limits of the axes
         arrow = np.array([start, tip])
-        lines += [np.stack([x.real, x.imag], axis=1) for x in (tick, arrow)]
-        yield _Label(f'0 {link.name} +', 0.5 * (start + tip), side, BLACK)
+        drawn.lines.extend(np.stack([x.real, x.imag], axis=1) for x in (tick, arrow))
+        drawn.labels.append(_Label(f'0 {link.name} +', 0.5 * (start + tip), side, BLACK))
+    return drawn
 
 
-def _name(
-    axes: Axes, sketched: Sketched, drawing: Drawing, j: int, line: Array, middle: complex
-) -> _Label:
-    """Draws the arrow of a link's direction; returns the label with its name."""
+def _name(axes: Axes, sketched: Sketched, j: int, line: Array, middle: complex) -> _Label:
+    """Draws the arrow of a link's direction; returns the label with its name.
+
+    Args:
+        axes: Axes to draw in.
+        sketched: The mechanism.
+        j: Index of the link.
+        line: Line of the link, m, shape (k, 2).
+        middle: Middle of the linkage, from which the name is away, m.
+    """
     link = sketched.solver.structure.links[j]
-    color = drawing.colors[link.name]
-    corners = line @ (1, 1j)
-    at = complex(corners[:2].mean()) if not link.slides else sketched.pin_of(j)
-    way = cmath.rect(1.0, sketched.direction(j))
-    if not link.slides:
-        before = at - 1e-6 * float(np.ptp(line)) * way
+    color = sketched.drawing.colors[link.name]
+    direction = cmath.rect(1.0, sketched.direction(j))
+    if link.slides:
+        at = sketched.pin_of(j)
+    else:
+        at = complex((line @ (1, 1j))[:2].mean())  # the middle of the first side
+        before = at - 1e-6 * float(np.ptp(line)) * direction
         axes.annotate(
             '', (at.real, at.imag), (before.real, before.imag),
             arrowprops={'arrowstyle': '-|>', 'color': fractions(color), 'mutation_scale': 15},
         )  # fmt: skip
-    side = 1j * way
-    if (side * (at - middle).conjugate()).real < 0:
-        side = -side  # away from the middle of the linkage
-    return _Label(link.name, at, side, color, bold=True)
+    side = 1j * direction
+    is_inward = (side * (at - middle).conjugate()).real < 0
+    return _Label(link.name, at, -side if is_inward else side, color, bold=True)
 
 
-def _dimensions(sketched: Sketched, drawing: Drawing, marks: list[Array]) -> Iterator[_Label]:
+def _dimensions(sketched: Sketched, marks: list[Array]) -> Iterator[_Label]:
     """Yields the lengths of the bars of links that turn.
 
     Args:
         sketched: The mechanism.
-        drawing: Its drawing.
         marks: Other lines, from which dimensions are kept away like from other bars.
     """
+    drawing, written = sketched.drawing, list[complex]()
     bars = [bar for link in drawing.turning for bar in _bars(sketched, link)]
-    others = [*bars, *(pair for line in marks for pair in itertools.pairwise(line @ (1, 1j)))]
+    lines = [(bar.start, bar.end) for bar in bars]
+    lines += [pair for mark in marks for pair in itertools.pairwise(mark @ (1, 1j))]
     enough = _ROOM_OF_DIMENSION * float(np.ptp(drawing.bounds, axis=0).max())
-    taken = list[complex]()
-    for start, end in bars:
-        at = [start + share * (end - start) for share in _SHARES]
-        rest = [x for x in others if {*x} != {start, end}] + [(x, x) for x in taken]
-        lines = np.array(rest or [(math.inf, math.inf)])
-        rooms = [min(_room(x, lines), enough) for x in at]
-        place = at[int(np.argmax(rooms))]  # the first of the best
-        taken.append(place)
-        text, way = sketched.length(abs(end - start), 4), 1j * (end - start)
-        yield _Label(text, place, way, BLACK, is_optional=True)
+    for bar in bars:
+        places = [bar.start + share * (bar.end - bar.start) for share in _SHARES]
+        others = [line for line in lines if {*line} != {bar.start, bar.end}]
+        others += [(place, place) for place in written]
+        rooms = [min(_room(place, others), enough) for place in places]
+        place = places[int(np.argmax(rooms))]  # the first of the best
+        written.append(place)
+        text, direction = sketched.length(bar.length, 4), 1j * (bar.end - bar.start)
+        yield _Label(text, place, direction, BLACK, is_optional=True)
 
 
-def _bars(sketched: Sketched, link: str) -> dict[tuple[complex, complex], str]:
-    """Returns the bars between neighbouring pins of a link: their ends, m, and names of these."""
+class _Bar(NamedTuple):
+    """A bar between neighbouring pins of a link.
+
+    Attributes:
+        start: Place of one pin, x + iy, m.
+        end: Place of the other pin.
+        name: Names of both pins.
+    """
+
+    start: complex
+    end: complex
+    name: str
+
+    @property
+    def length(self) -> float:
+        """Length of the bar, m."""
+        return abs(self.end - self.start)
+
+
+def _bars(sketched: Sketched, link: str) -> list[_Bar]:
+    """Returns the bars between neighbouring pins of a link, each once."""
     structure, drawing = sketched.solver.structure, sketched.drawing
     points = drawing.place(sketched.positions)
     pins = dict(zip(drawing.pins, (points[0] @ (1, 1j)).tolist(), strict=True))
     pins.pop(structure.mouth, None)  # where the drawing of a barrel ends
     pins |= zip(drawing.pivot_names, (drawing.pivots @ (1, 1j)).tolist(), strict=True)
-    names = {place: name for name, place in pins.items()}
-    line = (drawing.links(points)[link][0] @ (1, 1j)).tolist()
-    own = [*dict.fromkeys(corner for corner in line if corner in names)]
-    found = dict[tuple[complex, complex], str]()
-    for start, end in itertools.pairwise(line):
-        if start == end or not {start, end} <= {*names}:
+    name_at = {place: name for name, place in pins.items()}
+    corners = (drawing.links(points)[link][0] @ (1, 1j)).tolist()
+    own_pins = [*dict.fromkeys(corner for corner in corners if corner in name_at)]
+    bars = dict[tuple[complex, complex], _Bar]()
+    for start, end in itertools.pairwise(corners):
+        if start == end or start not in name_at or end not in name_at:
             continue
-        shares = {pin: (pin - start) / (end - start) for pin in own}
-        inner = [
-            pin for pin, x in shares.items() if abs(x.imag) < _ON_BAR and 0.0 < x.real < 1.0
-        ]  # they divide the bar
-        chain = [start, *sorted(inner, key=lambda pin: shares[pin].real), end]
-        for one, other in itertools.pairwise(chain):
-            if (other, one) not in found:
-                found[one, other] = f'{names[one]} to {names[other]}'
-    return found
+        for one, other in itertools.pairwise(_divided(start, end, own_pins)):
+            if (other, one) not in bars:
+                bars[one, other] = _Bar(one, other, f'{name_at[one]} to {name_at[other]}')
+    return [*bars.values()]
 
 
-def _room(at: complex, lines: Array) -> float:
-    """Returns the distance of a place from lines with two ends each, m."""
-    start, way = lines.reshape(-1, 2)[:, 0], np.diff(lines.reshape(-1, 2), axis=1)[:, 0]
-    square = np.where(way == 0.0, 1.0, abs(way) ** 2)
-    share = np.clip(((at - start) * way.conjugate()).real / square, 0.0, 1.0)
-    return float(abs(start + share * way - at).min(initial=math.inf))
+def _divided(start: complex, end: complex, pins: list[complex]) -> list[complex]:
+    """Returns both ends of a line, and between them the pins that lie on it, in order."""
+    shares = {pin: (pin - start) / (end - start) for pin in pins}
+    inner = [
+        pin
+        for pin, share in shares.items()
+        if abs(share.imag) < _ON_BAR and 0.0 < share.real < 1.0
+    ]
+    return [start, *sorted(inner, key=lambda pin: shares[pin].real), end]
+
+
+def _room(place: complex, lines: list[tuple[complex, complex]]) -> float:
+    """Returns the distance of a place from lines with two ends each, m; infinite without lines."""
+    if not lines:
+        return math.inf
+    start, end = np.array(lines).T
+    line = end - start
+    square = np.where(line == 0.0, 1.0, abs(line) ** 2)
+    share = np.clip(((place - start) * line.conjugate()).real / square, 0.0, 1.0)
+    return float(abs(start + share * line - place).min())
 
 
 def _write(axes: Axes, picture: LinkagePicture, labels: list[_Label], lines: list[Array]) -> None:
@@ -613,8 +696,8 @@ def _write(axes: Axes, picture: LinkagePicture, labels: list[_Label], lines: lis
     boxes = np.array([text.get_window_extent().get_points() for text in texts])
     sizes = 72 / axes.figure.dpi * np.ptp(boxes, axis=1)
     anchors = picture.to_points(np.array([[x.at.real, x.at.imag] for x in labels]))
-    ways = np.array([[x.way.real, x.way.imag] for x in labels])
-    places = picture.free_places(anchors, ways, sizes, lines, _DISTANCES)
+    preferred = np.array([[x.direction.real, x.direction.imag] for x in labels])
+    places = picture.free_places(anchors, preferred, sizes, lines, _DISTANCES)
     for label, text, size, place in zip(labels, texts, sizes, places, strict=True):
         text.set_position(tuple(place.tolist()))
         if label.is_optional and (abs(place) - 0.5 * size).max() > _NEAR_BAR:
