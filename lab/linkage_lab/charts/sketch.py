@@ -425,35 +425,36 @@ def _cylinder(load: Any) -> str:
 
 def _loads(design: Any, structure: Any) -> Iterator[str]:
     """Yields a line for each load: its links, and its parameters that are not the defaults."""
-    given = design.parameters()
-    for one in design.mechanism.loads:
-        start = f'loads.{one.name}.'
-        kind, place = given[f'{start}kind'], _place_of_load(one, structure)
-        if place:
-            kind += f' on {place}'
-        if place and (pin := given.get(f'{start}pin')):
-            kind += f' at pin {pin}'
-        defaults = {
-            leaf.name: leaf.default for leaf in leaves(LOADS[given[f'{start}kind']], start)
+    values = design.parameters()
+    for load in design.mechanism.loads:
+        prefix = f'loads.{load.name}.'
+        kind = values[f'{prefix}kind']
+        defaults = {leaf.name: leaf.default for leaf in leaves(LOADS[kind], prefix)}
+        changed = {
+            name.removeprefix(prefix): value
+            for name, value in values.items()
+            if name in defaults and value != defaults[name]
         }
-        said = {f'{start}{word}' for word in _PLACES_OF_LOADS} if place else set()
-        words = [
-            f'{name.removeprefix(start)} {_words(value)}'
-            for name, value in given.items()
-            if name in defaults and value != defaults[name] and name not in said
-        ]
-        yield f'load {one.name}: {", ".join([kind, *words])}'
+        words = kind
+        if links := _links_of_load(load, structure):
+            words = f'{kind} on {links}'
+            if pin := values.get(f'{prefix}pin'):
+                words += f' at pin {pin}'
+            for word in _PLACES_OF_LOADS:
+                changed.pop(word, None)
+        parameters = (f'{name} {_words(value)}' for name, value in changed.items())
+        yield f'load {load.name}: {", ".join([words, *parameters])}'
 
 
-def _place_of_load(load: Any, structure: Any) -> str:
-    """Returns the links on which a force or a spring acts; '' for other loads."""
-    names = [link.name for link in structure.links]
-    places = list[Any]()
+def _links_of_load(load: Any, structure: Any) -> str:
+    """Returns the links on which a force or a spring acts; empty for other loads."""
+    places = list[Any]()  # index of the link, and point
     if isinstance(load, Spring):
         places += load.ends(structure)
     if isinstance(load, Force):
         places.append(structure.place_of('', load.link, load.at, load.pin))
-    return ' and '.join('frame' if j == FRAME else names[j] for j, _ in places)
+    names = ['frame' if j == FRAME else structure.links[j].name for j, _ in places]
+    return ' and '.join(names)
 
 
 def _words(value: Any) -> str:
