@@ -373,6 +373,10 @@ def test_torque_that_a_late_tick_commands_after_the_end_is_ended_again():
     torque.end_for_good('SIGTERM')
     torque.renew()
     assert [end.cause for end in ends] == ['SIGTERM', 'SIGTERM']
+    torque.renew(())  # a trajectory alone
+    assert [end.cause for end in ends] == ['SIGTERM'] * 3
+    torque.end_for_good('end')  # it has ended
+    assert len(ends) == 3
 
 
 START, CAUSES = 1_795_000_000_000_000_000, ('measurement_timeout', 'SIGINT')
