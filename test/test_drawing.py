@@ -22,6 +22,7 @@ from linkage_ros import (
     SliderCrank,
     Solver,
     Spring,
+    UnreachableError,
 )
 from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.drawing import (
@@ -471,7 +472,7 @@ REFUSED = {
         'gas.rod: only the input has'),
     'a length that cannot close': (
         {'links': {**LINKS, 'rocker': {'pins': ['B', 'Q'], 'length': 900.0}}},
-        'the longest link, rocker, 0.9 m'),
+        'the longest link, rocker, 900 mm'),
     'a length of a link of three pins': (
         {'links': {**LINKS, 'coupler': {'pins': ['A', 'B', 'P'], 'length': 120.0}}},
         'coupler.length is for a link of two pins .* it has 3 pins'),
@@ -731,6 +732,59 @@ def test_a_limited_input_is_named():
             frame=['O', 'Q'], slides={}, cylinders={},
         ))  # fmt: skip
     assert 'crank' not in str(error.value).replace('-crank', '')
+
+
+# Machines whose inputs cannot turn fully; no name is that of a role.
+LIMITED = {
+    'four links': (
+        {'body': {'pins': ['O', 'A']}, 'triangle': {'pins': ['A', 'B']},
+         'tie': {'pins': ['B', 'Q']}}, {}, {'A': (60.0, 80.0)}),
+    'a slide of the frame': (
+        {'body': {'pins': ['O', 'A']}, 'tie': {'pins': ['A', 'B']}},
+        {'ram': {'pin': 'B', 'direction': [1.0, 0.2]}}, {'A': (20.0, 150.0), 'B': (90.0, 130.0)}),
+    'a slot': (
+        {'body': {'pins': ['O', 'A']}, 'beam': {'pins': ['Q']}},
+        {'block': {'pin': 'A', 'on': 'beam', 'direction': [-1.0, 5.0]}}, {'A': (30.0, 90.0)}),
+    'links on a dyad': (
+        {'body': {'pins': ['O', 'A']}, 'triangle': {'pins': ['A', 'B', 'P']},
+         'tie': {'pins': ['B', 'Q']}, 'arm': {'pins': ['P', 'S']}, 'leg': {'pins': ['S', 'G']}},
+        {}, {'S': (150.0, 70.0)}),
+}  # fmt: skip
+ROLES = r'(?<![\w-])(crank|coupler|rocker|slider|barrel|rod)(?![\w-])'
+
+
+def refusal(solver, angle):
+    """Returns why a machine cannot be at an angle of its input; '' if it can."""
+    try:
+        solver.state(angle)
+    except UnreachableError as error:
+        return str(error)
+    return ''
+
+
+@pytest.mark.parametrize('units', ['mm', 'in', 'm'])
+@pytest.mark.parametrize('machine', LIMITED)
+def test_an_input_out_of_reach_is_told_in_the_terms_of_the_drawing(machine, units):
+    links, slides, pins = LIMITED[machine]
+    used = {'O': PINS['O'], **{name: PINS[name] for link in links.values() for name in link['pins']
+                               if name in PINS}, **pins}  # fmt: skip
+    given = values(
+        links=links, slides=slides, cylinders={}, input='body', units=units, pins=used,
+        frame=[x for x in 'OQG' if x in used],
+    )  # fmt: skip
+    given = {'drive': 'follow', **{name: x for name, x in given.items() if name != 'rpm'}}
+    mechanism = configure(given).mechanism
+    solver, drawn = Solver(mechanism), math.degrees(mechanism.drawn.position)
+    angles = np.radians(np.arange(0.0, 360.0, 2.0))
+    errors = [*filter(None, (refusal(solver, float(angle)) for angle in angles))]
+    assert 0 < len(errors) < len(angles)
+    for words in errors:
+        assert not re.search(ROLES, words), words
+        assert re.search(r'\bbody\b', words) or machine == 'links on a dyad', words
+        for length in re.findall(r'= (\S+) (\w+) is negative', words):
+            assert length[1] == units, words
+        arcs = re.findall(r'= (-?[\d.]+) to (-?[\d.]+) deg', words)
+        assert not arcs or any(float(x) <= drawn <= float(y) for x, y in arcs), (words, drawn)
 
 
 @pytest.mark.parametrize('mistake', REFUSED)

@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 
 from linkage_lab.gaps import Column
 from linkage_lab.output import shown_range
-from linkage_lab.period import OVER_TIME, Period
+from linkage_lab.period import OVER_TIME, Period, angle_name
 from linkage_ros.formulas import Array
 from linkage_ros.internals import Drawing
 from linkage_ros.palette import GREY, SECOND, Color
@@ -127,8 +127,10 @@ def _quantities(period: Period) -> list[_Quantity]:
         ]
     else:
         found = [
-            _Quantity('Crank angle', 'deg', color, np.degrees(period.crank), is_law),
-            _Quantity('Crank speed', 'rpm', color, speed * 30 / math.pi, is_uneven),
+            _Quantity(angle_name(driven.name), 'deg', color, np.degrees(period.crank), is_law),
+            _Quantity(
+                f'{driven.name.capitalize()} speed', 'rpm', color, speed * 30 / math.pi, is_uneven
+            ),
         ]
     output = period.solver.output
     position, velocity = (period.motion(output, word) for word in ('position', 'velocity'))

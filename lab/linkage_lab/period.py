@@ -77,8 +77,12 @@ class Across(NamedTuple):
     scale: float
 
 
-OVER_CRANK = Across('Crank angle', 'deg', 180 / math.pi)
 OVER_TIME = Across('Time', 's', 1.0)
+
+
+def angle_name(driven: str) -> str:
+    """Returns the title of the angle of a driven link."""
+    return 'Crank angle' if driven == 'crank' else f'Angle of {driven}'
 
 
 class Period:
@@ -118,7 +122,7 @@ class Period:
         self.solver, self._law_turns = solver, turns
         self.crank, self.speed, self.mean_power = crank, speed, mean_power
         self.driven = solver.structure.driven_link
-        over = OVER_CRANK
+        over = Across(angle_name(self.driven.name), 'deg', 180 / math.pi)
         if self.driven.slides:
             over = Across(f'Position of the {self.driven.driven_word}', 'm', 1.0)
         self.x, self.across = (crank, over) if time is None else (time, OVER_TIME)
@@ -268,7 +272,7 @@ class Period:
     @property
     def _is_whole(self) -> bool:
         reach = self.solver.mobility
-        return self.across is OVER_CRANK and (reach is None or reach.turns_fully)
+        return self.across.unit == 'deg' and (reach is None or reach.turns_fully)
 
     def add(self, name: str, unit: str, values: Any) -> None:
         """Adds a column, or one for each component of a vector."""
@@ -797,7 +801,7 @@ def _constant_rates(period: Period) -> tuple[float, float]:
     """
     velocity = period.motion(period.driven.name, 'velocity').values
     acceleration = period.motion(period.driven.name, 'acceleration').values
-    if period.across is not OVER_CRANK or np.ptp(velocity) or np.ptp(acceleration):
+    if period.across.unit != 'deg' or np.ptp(velocity) or np.ptp(acceleration):
         raise ConfigurationError(
             '--csv is for a crank at a given speed: leave it out, or give --rpm if the crank has '
             'a law'

@@ -13,6 +13,7 @@ from typing import Any, ClassVar, NamedTuple, cast
 from linkage_ros.errors import ConfigurationError, LinkageError, MechanismError
 from linkage_ros.mechanism.dyad_reach import stroke_of
 from linkage_ros.mechanism.dyads import Chain, Dyad, ordered
+from linkage_ros.mechanism.exact import UNITS
 from linkage_ros.mechanism.kinematics import Loop, Reach, Stroke
 from linkage_ros.mechanism.loads import LOADS
 from linkage_ros.mechanism.loads.base import AppliedLoad, JointLoad, Load
@@ -21,6 +22,9 @@ from linkage_ros.mechanism.points import TracedPoint, with_points
 from linkage_ros.mechanism.structure import Structure
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, shown
+
+# A length in a text, m; no torque, area or speed.
+_METRES = re.compile(r'(?<![\w.])(-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) m(?![\w/^])')
 
 
 class Description(NamedTuple):
@@ -48,6 +52,7 @@ class Drawn(NamedTuple):
         position: Position of the driven link in the drawing, rad or m.
         block: Name of the link of the loop that is a block in a slot of another; empty if there
             is none, as in the loop of a cylinder.
+        units: Unit of lengths in the drawing.
     """
 
     links: tuple[str, ...]
@@ -55,6 +60,7 @@ class Drawn(NamedTuple):
     crank_angle: float
     position: float
     block: str = ''
+    units: str = 'm'
 
 
 @dataclass(frozen=True)
@@ -146,12 +152,40 @@ class Mechanism(_FromDrawing):
         return nullcontext()
 
     def in_own_names(self, text: str) -> str:
-        """Returns a text about crank, coupler and so on with the names of the drawing, if any."""
+        """Returns a text about crank, coupler and so on in the terms of the drawing, if any.
+
+        Args:
+            text: Text with the names of the links in this class, and with lengths in m.
+
+        Returns:
+            The text with the names and the unit of the drawing.
+        """
         if self.drawn is None:
             return text
-        names = {role: name for name, role in self._roles().items()}
-        return re.sub(r'(?:\bthe )?(?<![\w-])(\w+)(?![\w-])',
-                      lambda found: names.get(found[1], found[0]), text)  # fmt: skip
+        names = self._own_names
+        named = re.sub(r'(?:\bthe )?(?<![\w-])(\w+)(?![\w-])',
+                       lambda found: names.get(found[1], found[0]), text)  # fmt: skip
+        return self.in_own_unit(named)
+
+    def in_own_unit(self, text: str) -> str:
+        """Returns a text with lengths in m with those in the unit of the drawing, if any."""
+        unit = self.drawn.units if self.drawn else 'm'
+        if unit == 'm':
+            return text
+        metres = float(UNITS[unit])
+        return _METRES.sub(lambda found: f'{float(found[1]) / metres:.6g} {unit}', text)
+
+    def in_own_terms(self, reach: Reach) -> Reach:
+        """Returns a reach with the names and the unit of the drawing, if there is one."""
+        if self.drawn is None:
+            return reach
+        role = 'rod' if reach.driven == 'cylinder' else reach.driven
+        return reach.renamed(self._own_names[role], self.in_own_names, self.drawn.crank_angle)
+
+    @property
+    def _own_names(self) -> dict[str, str]:
+        """The loop's links by their names in this class."""
+        return {role: name for name, role in self._roles().items()}
 
     def require_closed(self) -> None:
         """Rejects lengths with which the loop cannot close."""

@@ -301,6 +301,7 @@ class Conversion:
             crank_angle=self.at[A].angle,
             position=found.position,
             block=found.block,
+            units=self.drawing.units,
         )
         parts = {'crank': self.body(crank), 'drawn': drawn, **found.parts}
         return self.in_assembly(cast('Any', base.kind), found.untold, **parts)

@@ -62,9 +62,7 @@ def reach_of(mechanism: Any) -> Reach | None:
     reach: Reach | None = mechanism.reach()
     if reach is None:
         return None
-    if mechanism.drawn:
-        driven = mechanism.structure().driven_link.name
-        reach = reach.renamed(driven, mechanism.in_own_names)
+    reach = mechanism.in_own_terms(reach)
     if not mechanism.dyads:
         return reach
     loop, kinematics = mechanism.chain()
@@ -80,7 +78,7 @@ def reach_of(mechanism: Any) -> Reach | None:
         if mechanism.drawn and reach.turns_fully and abs(worst.margin) < _LEAST * size:
             raise MechanismError(_in_line(mechanism, dyad, worst.crank))
         place = f'{worst.crank:.9g} m' if reach.slides else rad_and_deg(worst.crank)
-        gap = _gap_words(dyad, worst)
+        gap = mechanism.in_own_unit(_gap_words(dyad, worst))
         cure = f'change lengths or ends of {dyad.title}'
         if not arcs:
             raise MechanismError(

@@ -315,8 +315,10 @@ class Dyad(Checked):
 
     def _refuse(self, crank: float, distance: float) -> NoReturn:
         distance = math.sqrt(distance) if self.slider is None else abs(distance)
+        # The links of a drawing have names, and its input has one of any kind.
+        what = 'an angle of the input of' if self.names else 'crank angle'
         raise UnreachableError(
-            f'{self.subject} not close, or only in line, at crank angle '
+            f'{self.subject} not close, or only in line, at {what} '
             f'{rad_and_deg(crank)}: {self.gap(distance)}',
             crank_angle=crank, arcs=(),
         )  # fmt: skip

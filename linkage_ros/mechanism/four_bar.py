@@ -354,7 +354,7 @@ class FourBar(Mechanism):
             sqrt(r * d / (b * c)) * (-1 if nearest_turns(delta) % 2 else 1),
             cos_squared=Square.of(far * around / four_bc, at_near),
             sin_squared=Square.of(near * other / four_bc, at_far),
-            refuse=Opaque(lambda crank: self.reach().refuse(crank)),
+            refuse=Opaque(lambda crank: self.in_own_terms(self.reach()).refuse(crank)),
         )
 
     def other_loop(self) -> ByRocker:
@@ -399,8 +399,9 @@ class FourBar(Mechanism):
         rocker = links[2].position
         middle = swing_middle(lengths, self.frame.angle, rocker, near if len(arcs) > 1 else None)
         if middle is None:
+            rocker_name = self.in_own_names('the rocker')
             raise ConfigurationError(
-                f'{what}: the rocker of this {self.grashof} linkage turns fully, so that its '
+                f'{what}: {rocker_name} of this {self.grashof} linkage turns fully, so that its '
                 'swing has no middle; use a load over crank_angle'
             )
         return middle

@@ -314,7 +314,7 @@ class InvertedSliderCrank(SlideDriven):
             growth=2 * math.sqrt(r * d),
             square=Square.of(least * other, most * all_sum),
             triangle=Triangle.of((r, d), self.offset),
-            refuse=Opaque(lambda place: reach().refuse(place)),
+            refuse=Opaque(lambda place: self.in_own_terms(reach()).refuse(place)),
         )
 
     def reach_of_slide(self) -> Reach:
@@ -356,10 +356,11 @@ class InvertedSliderCrank(SlideDriven):
             return super().stroke(what, name)
         square, angle = self.loop_of(self.description).square, self.frame.angle
         if square.limits:
-            raise ConfigurationError(
-                f'{what}: this rod has no stroke with fixed ends, because its crank does not turn '
-                f'fully; {" or ".join(self._cures())}'
+            why = self.in_own_names(
+                'the rod has no stroke with fixed ends, because the crank does not turn fully; '
+                f'{" or ".join(self._cures())}'
             )
+            raise ConfigurationError(f'{what}: {why}')
         short, long = math.sqrt(float(square.least)), math.sqrt(square.most)
         return Stroke((short, angle), (long, angle + math.pi))
 

@@ -160,6 +160,7 @@ class Reach(NamedTuple):
         width: Half-width of these two regions, rad; inf if there are none.
         driven: What is driven: 'crank', 'cylinder' or 'slider'.
         name: Name of the driven link in a drawing; empty without one.
+        drawn: Crank angle in a drawing, rad, in whose turn messages state the arcs; None without.
     """
 
     grashof: str
@@ -174,18 +175,38 @@ class Reach(NamedTuple):
     width: float = math.inf
     driven: str = 'crank'
     name: str = ''
+    drawn: float | None = None
 
     @property
     def subject(self) -> str:
         """Name of the driven link for a sentence."""
         return self.name or f'the {self.driven}'
 
-    def renamed(self, name: str, words: Callable[[str], str]) -> 'Reach':
-        """Returns the reach with the names of a drawing: of the driven link, and in reasons."""
+    def renamed(self, name: str, words: Callable[[str], str], drawn: float) -> 'Reach':
+        """Returns the reach in the terms of a drawing.
+
+        Args:
+            name: Name of the driven link.
+            words: Function that returns a reason with the names of the links.
+            drawn: Crank angle in the drawing, rad.
+        """
         return self._replace(
-            name=name, limits=tuple(map(words, self.limits)), cures=tuple(map(words, self.cures)),
+            name=name, drawn=drawn,
+            limits=tuple(map(words, self.limits)), cures=tuple(map(words, self.cures)),
             equalities=tuple(map(words, self.equalities)),
+            near_equalities=tuple(map(words, self.near_equalities)),
         )  # fmt: skip
+
+    @property
+    def shown_arcs(self) -> tuple[Arc, ...]:
+        """The arcs for messages, rad or m: those of a drawing in the turn where it is drawn."""
+        if self.drawn is None or self.slides or self.turns_fully:
+            return self.arcs
+        period = math.tau * self.period_turns
+        middles = (0.5 * (low + high) for low, high in self.arcs)
+        shifts = [period * round((self.drawn - middle) / period) for middle in middles]
+        arcs = zip(self.arcs, shifts, strict=True)
+        return tuple((low + shift, high + shift) for (low, high), shift in arcs)
 
     @property
     def slides(self) -> bool:
@@ -234,7 +255,7 @@ class Reach(NamedTuple):
         raise UnreachableError(self._refusal(purpose), crank_angle=crank, arcs=self.arcs)
 
     def _refusal(self, purpose: str, cures: str = '') -> str:
-        arcs = ' and '.join(self._arc_words(*arc) for arc in self.arcs)
+        arcs = ' and '.join(self._arc_words(*arc) for arc in self.shown_arcs)
         return (
             f'{self.subject} of this {self.grashof} linkage cannot {purpose}: '
             f'{"; ".join(self.limits)}{cures}; it reaches {arcs}'

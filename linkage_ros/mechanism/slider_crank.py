@@ -302,7 +302,7 @@ class SliderCrank(SlideDriven):
             kappa=sqrt(r / b) * (-1 if nearest_turns(guide) % 2 else 1),
             cos_squared=Square.of(p, most=short_sum(longest, b, e, r) / (2 * b)),
             sin_squared=Square.of(q, most=short_sum(longest, b, -e, r) / (2 * b)),
-            refuse=Opaque(lambda crank: self.reach_of_crank().refuse(crank)),
+            refuse=Opaque(lambda crank: self.in_own_terms(self.reach_of_crank()).refuse(crank)),
         )
 
     def loop_of(self, description: Description) -> SliderCrankLoop | BySlider:
@@ -319,7 +319,7 @@ class SliderCrank(SlideDriven):
             offset=e,
             growth=2 * math.sqrt(r * b),
             triangle=self._triangle(),
-            refuse=Opaque(lambda x: self.reach_of_slide().refuse(x)),
+            refuse=Opaque(lambda x: self.in_own_terms(self.reach_of_slide()).refuse(x)),
         )
 
     def _triangle(self) -> Triangle:
@@ -335,15 +335,19 @@ class SliderCrank(SlideDriven):
         if self.role_of(name) != 'slider':
             return super().stroke(what, name)
         if self.drives_slide:
+            crank = self.in_own_names('the crank')
             raise ConfigurationError(
-                f'{what}: a gas, a pressure and crank_angle_from_tdc need a stroke whose ends the '
-                f'crank determines, but {name} is driven; use a curve of values over position, or '
-                'let the crank be the input'
+                f'{what}: a gas, a pressure and crank_angle_from_tdc need a stroke whose ends '
+                f'{crank} determines, but {name} is driven; use a curve of values over position, '
+                f'or let {crank} be the input'
             )
         if self.grashof != 'crank-slider':
+            why = self.in_own_names(
+                'because the crank does not turn fully with one reversal at each end; lengthen '
+                'the coupler'
+            )
             raise ConfigurationError(
-                f'{what}: this {self.grashof} linkage has no stroke with fixed ends, because its '
-                'crank does not turn fully with one reversal at each end; lengthen the coupler'
+                f'{what}: this {self.grashof} linkage has no stroke with fixed ends, {why}'
             )
         r, b, _ = self._lengths()
         return Stroke(far=self._end(b + r, 0.0), near=self._end(b - r, math.pi))

@@ -256,7 +256,7 @@ def _require_within_arc(law: Law, solver: Solver) -> None:
     reach, start = solver.reach, law.at(0).angle
     low, high = reach.arc_around(start)
     if low < start < high:
-        reach = reach._replace(arcs=((low, high),))
+        reach = reach._replace(arcs=((low, high),), drawn=None)  # in the turn of the law
     for time in sorted(law.extremes(low, high)):
         turns, angle, rate, acceleration = law.at(time)
         angle += turns * math.tau

@@ -268,7 +268,7 @@ def _near_change_point(linkage: Linkage) -> Iterator[str]:
     mechanism = linkage.mechanism
     if not mechanism.drawn or not (reach := mechanism.reach()) or not reach.near_equalities:
         return
-    sums = mechanism.in_own_names('; '.join(reach.near_equalities))
+    sums = '; '.join(mechanism.in_own_terms(reach).near_equalities)
     length = f'drawing.links.{mechanism.drawn.links[0]}.length'
     yield (
         f'of the lengths drawn, {sums}: nearly a change point; if it is to be 0, give a link of '

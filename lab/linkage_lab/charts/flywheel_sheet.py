@@ -27,7 +27,7 @@ from linkage_lab.output import (
     rounded,
     write_title,
 )
-from linkage_lab.period import Extent, Period, extent
+from linkage_lab.period import Extent, Period, angle_name, extent
 from linkage_ros import LinkageError
 from linkage_ros.internals import Motor
 from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, VERMILION, WHITE, fractions, mixed
@@ -207,7 +207,7 @@ def _draw(sizing: _Sizing, name: str, warning: str, files: Pictures) -> None:
         for number, draw in enumerate((_draw_torques, _draw_speeds)):
             axes = add_axes(number)
             draw(axes, sizing)
-            axes.set_xlabel('Crank angle, deg', labelpad=1)
+            axes.set_xlabel(f'{angle_name(sizing.period.driven.name)}, deg', labelpad=1)
         if sizing.motor:
             _draw_plane(add_axes(2), sizing)
 

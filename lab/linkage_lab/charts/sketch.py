@@ -280,7 +280,7 @@ def _reach(reach: Any, driven: Any) -> str:
         repeats = f', the motion repeats after {turns} turns' if turns > 1 else ''
         return f'{start} turns fully{repeats}'
     scale, unit = (1.0, 'm') if reach.slides else (180 / math.pi, 'deg')
-    arcs = [f'{low * scale:.6g} to {high * scale:.6g} {unit}' for low, high in reach.arcs]
+    arcs = [f'{low * scale:.6g} to {high * scale:.6g} {unit}' for low, high in reach.shown_arcs]
     return f'{start} {" and ".join(arcs)}; {"; ".join(reach.limits)}'
 
 
