@@ -52,7 +52,6 @@ def movie_page(
     paces: Sequence[tuple[float, str]],
     pace: float,
     springs: Mapping[str, Array],
-    spring_pins: Mapping[str, complex],
 ) -> str:
     """Makes the page.
 
@@ -63,12 +62,11 @@ def movie_page(
         paces: Playing speeds relative to real time, each with its description.
         pace: The playing speed at the start, one of `paces`.
         springs: Lines of springs and cylinders at all samples, shapes (n, 2, 2), m, by name.
-        spring_pins: Fixed pins that only they have, m, by name.
 
     Returns:
         The HTML page, of less than 300 kB.
     """
-    linkage = _linkage(period, springs, spring_pins)
+    linkage = _linkage(period, springs)
     quantities, time = _quantities(period), period.time
     # Two bytes a coordinate, and a third more as text.
     sample_bytes = 8 / 3 * linkage.coordinates + _POINT * len(linkage.drawing.owners)
@@ -161,7 +159,6 @@ class _Linkage(NamedTuple):
     links: dict[str, Array]
     loads: dict[str, Array]
     springs: Mapping[str, Array]
-    spring_pins: Mapping[str, complex]
 
     @property
     def coordinates(self) -> int:
@@ -178,8 +175,7 @@ class _Linkage(NamedTuple):
             *self.drawing.ground, self.pins, *self.links.values(), *self.loads.values(),
             *self.springs.values(),
         ]  # fmt: skip
-        pins = [np.array([pin.real, pin.imag]) for pin in self.spring_pins.values()]
-        return np.concatenate([line.reshape(-1, 2) for line in (*lines, *pins)])
+        return np.concatenate([line.reshape(-1, 2) for line in lines])
 
     def at(self, samples: Array) -> '_Linkage':
         """Returns the linkage at samples alone, given their indices."""
@@ -191,13 +187,11 @@ class _Linkage(NamedTuple):
         )
 
 
-def _linkage(
-    period: Period, springs: Mapping[str, Array], spring_pins: Mapping[str, complex]
-) -> _Linkage:
+def _linkage(period: Period, springs: Mapping[str, Array]) -> _Linkage:
     drawing, positions, rates = period.drawing, period.rows('position'), period.rows('velocity')
     pins = drawing.place(positions)
     links, loads = drawing.links(pins), drawing.loads(positions, rates)
-    return _Linkage(drawing, pins, links, loads, springs, spring_pins)
+    return _Linkage(drawing, pins, links, loads, springs)
 
 
 class _Canvas(NamedTuple):
@@ -305,7 +299,6 @@ def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:
         *(_moving_line(line, drawing.colors[link], 5.0) for link, line in moving.links.items()),
         *(_moving_line(line, SECOND, 2.5) for line in moving.loads.values()),
         *(_moving_line(line, GREY, 2.5, '5 5') for line in moving.springs.values()),
-        *(f'{_circle(pin)}{_name(pin)}' for pin in _spring_pins(moving, canvas)),
         *map(_circle, pivots),
         *map(_name, pivots),
         *(f'<circle data-points="1" r="4" fill="rgb{GREY}"/>' for _ in drawing.pins),
@@ -340,15 +333,6 @@ def _pivots(drawing: Drawing, canvas: _Canvas) -> list[_NamedPin]:
         place, aside = canvas.place(pivot), (math.copysign(_NAME + 3, pivot[0] - middle), 0)
         pivots.append(_NamedPin(place, place + aside, name))
     return pivots
-
-
-def _spring_pins(linkage: _Linkage, canvas: _Canvas) -> list[_NamedPin]:
-    """Returns the fixed pins that only springs and cylinders have; their names are below."""
-    pins = []
-    for name, pin in linkage.spring_pins.items():
-        place = canvas.place(np.array([pin.real, pin.imag]))
-        pins.append(_NamedPin(place, place + np.array([0.0, _NAME]), name))
-    return pins
 
 
 def _still_lines(linkage: _Linkage, canvas: _Canvas) -> Iterator[str]:

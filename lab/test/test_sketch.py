@@ -108,6 +108,23 @@ def test_every_name_is_in_the_drawing_and_in_words(source):
         assert not box.overlaps(second), (one, other)
 
 
+@pytest.mark.parametrize('source', [*preset_names(), JANSEN, GAS, SPRING, KLANN])
+def test_each_fixed_pin_has_a_ground_symbol(source):
+    design = design_of(source)
+    axes = Figure(figsize=(10.0, 7.0), dpi=140).add_axes((0.02, 0.02, 0.96, 0.96))
+    draw_sketch(axes, sketch_of(design.only), with_dimensions=False)
+    drawing = getattr(design.only.drawn_mechanism, 'drawing', None)
+    pins = design.mechanism.structure().points
+    places = {name: at.fixed for name, at in pins.items() if not any(at.weights)}
+    if drawing is not None:
+        unit, origin = float(UNITS[drawing.units]), complex(*drawing.pins[next(iter(pins))])
+        places |= {x: (complex(*drawing.pins[x]) - origin) * unit for x in drawing.frame}
+    lines = [line.get_xydata() @ (1, 1j) for line in axes.lines]
+    triangles = [line[0] for line in lines if len(line) == 4 and line[0] == line[3]]
+    for name, place in places.items():
+        assert any(abs(corner - place) < 1e-9 for corner in triangles), name
+
+
 def test_lengths_of_jansens_leg_are_the_published_ones():
     texts, _ = written(configure(JANSEN))
     assert {*LENGTHS} <= {*texts}

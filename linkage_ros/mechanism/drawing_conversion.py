@@ -262,6 +262,12 @@ class Conversion:
         """Returns the fixed pins of a body, without the given ones."""
         return [pin for pin in body.pins if pin in self.drawing.frame and pin not in others]
 
+    def pins_of_no_link(self) -> tuple[tuple[str, complex], ...]:
+        """Returns the fixed pins of no link, with their places from the origin, m."""
+        linked = {pin for body in self.bodies.values() for pin in body.pins}
+        pins = (pin for pin in self.drawing.frame if pin not in linked)
+        return tuple((pin, complex(*self.at[pin].rounded)) for pin in pins)
+
     def preference(self, driven: _Body, base: _Base) -> tuple[Any, ...]:
         """Returns the key by which the loops are sorted, the best first."""
         has_change_point = False
@@ -302,6 +308,7 @@ class Conversion:
             position=found.position,
             block=found.block,
             units=self.drawing.units,
+            fixed=self.pins_of_no_link(),
         )
         parts = {'crank': self.body(crank), 'drawn': drawn, **found.parts}
         return self.in_assembly(cast('Any', base.kind), found.untold, **parts)

@@ -52,7 +52,7 @@ class Drawing:
         positions: Positions of the links in reach, rad and m, shape (n, links); in the order of
             the motion if the crank angle determines them.
         turning: Names of the links with an angle: all except a slider or rod.
-        pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
+        pivots: The fixed pins, also those of springs and cylinders alone; shape (n, 2), m.
         pivot_names: Names of the pivots.
         pivot_labels: Positions of the labels of the pivots; shape as `pivots`, m.
         unnamed: The mouth of a barrel in a drawing, which has no pin there; else ''.
@@ -95,7 +95,7 @@ class Drawing:
         self._block = drawn.block if drawn else _block_of_lever(structure, positions)
         self._has_slots = drawn is not None  # a cylinder of a drawing is no dyad
         self.unnamed = structure.mouth if drawn and not self._block else ''
-        self._find_points(structure, positions)
+        self._find_points(structure, positions, drawn.fixed if drawn else ())
         asides = self._find_owners(structure)
         swept = self.place(positions)
         in_reach = np.concatenate([self.pivots, swept.reshape(-1, 2)])
@@ -111,18 +111,21 @@ class Drawing:
         arrows = plane(np.append(self._arrows.reach, self._arrows.farthest(positions)))
         self._enclose(np.concatenate([in_reach, *self.ground, self.pivot_labels, arrows]))
 
-    def _find_points(self, structure: Structure, positions: Array) -> None:
-        """Finds the fixed and the moving points."""
+    def _find_points(
+        self, structure: Structure, positions: Array, fixed: tuple[tuple[str, complex], ...]
+    ) -> None:
+        """Finds the fixed points, after which are those of no link, and the moving points."""
         # A dyad's end at a pin of its carrier is that pin.
         self._names = _names_of_places(structure, positions)
         points = {x: point for x, point in structure.points.items() if x == self._names[point]}
         if self._block:
             points.pop(structure.mouth, None)
         self.pins = tuple(name for name, point in points.items() if any(point.weights))
-        self.pivot_names = tuple(name for name in points if name not in self.pins)
+        pivots = {name: point.fixed for name, point in points.items() if name not in self.pins}
+        pivots |= fixed
         self._weights = np.array([points[name].weights for name in self.pins])
         self._fixed = np.array([points[name].fixed for name in self.pins])
-        self.pivots = plane(np.array([points[name].fixed for name in self.pivot_names]))
+        self.pivot_names, self.pivots = (*pivots,), plane(np.array([*pivots.values()]))
 
     def _find_owners(self, structure: Structure) -> dict[str, str]:
         """Finds the ends of the links and the owners of the points.

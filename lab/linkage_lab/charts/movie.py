@@ -19,7 +19,7 @@ from matplotlib.patheffects import withStroke
 from PIL import Image
 
 from linkage_lab.charts.linkage_picture import NAME_STYLE, WIDE, LinkagePicture, proportion
-from linkage_lab.charts.sketch import SPRING_STYLE, pins_of_cylinders, spring_lines
+from linkage_lab.charts.sketch import SPRING_STYLE, spring_lines
 from linkage_lab.movie_page import movie_page
 from linkage_lab.output import (
     STYLE,
@@ -43,7 +43,7 @@ _SIZE, _HIGH, _DPI = (8.0, 4.2), (8.0, 5.4), 90
 _SIDE_BY_SIDE = (0.02, 0.06, 0.5, 0.78), (0.62, 0.16, 0.35, 0.66)
 _STACKED = (0.04, 0.47, 0.92, 0.4), (0.1, 0.11, 0.87, 0.32)
 _NEARLY_WHITE = 252  # of 255
-_APART = 12.0  # of the name of a spring or of its pin, points
+_APART = 12.0  # of the name of a spring, points
 _PACES = 4  # slower, and faster, playing speeds on a page
 
 
@@ -97,7 +97,6 @@ def page_of(design: Any, period: Period, name: str, words: str) -> str:
     return movie_page(
         name, words, period, [(one, _slower(one)) for one in offered], round_paces[nearest],
         spring_lines(design, structure, period.rows('position')),
-        pins_of_cylinders(design, structure),
     )  # fmt: skip
 
 
@@ -172,7 +171,7 @@ class _Diagram:
 
 
 class _Springs:
-    """Springs and cylinders in a film, with their names and the fixed pins of their own.
+    """Springs and cylinders in a film, with their names.
 
     Attributes:
         moving: Artists that `move` changes, from back to front.
@@ -184,9 +183,6 @@ class _Springs:
         self._lines = [*spring_lines(design, structure, period.rows('position')).items()]
         style = {**NAME_STYLE, 'ha': 'center', 'color': fractions(DARK),
                  'path_effects': [withStroke(linewidth=2.5, foreground='white')]}  # fmt: skip
-        for name, pin in pins_of_cylinders(design, structure).items():
-            axes.plot(pin.real, pin.imag, 'o', color=fractions(DARK), markersize=3.5)
-            axes.annotate(name, (pin.real, pin.imag), xytext=(0, -_APART), **style)
         self._drawn = [axes.plot(*line[0].T, **SPRING_STYLE)[0] for _, line in self._lines]
         self._names = [
             axes.annotate(name, tuple(line[0].mean(axis=0)), xytext=(0, _APART), **style)

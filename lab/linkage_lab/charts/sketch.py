@@ -231,7 +231,6 @@ def describe(sketched: Sketched) -> Iterator[str]:
         name: complex(*pivot)
         for name, pivot in zip(drawing.pivot_names, drawing.pivots, strict=True)
     }
-    fixed |= pins_of_cylinders(sketched.design, structure)
     places = (f'{name} {sketched.at(place)}' for name, place in fixed.items())
     yield f'frame: {", ".join(places)}'
     for j in range(len(structure.links)):
@@ -398,25 +397,11 @@ def _line_ends(design: Any, structure: Any) -> dict[str, tuple[Any, Any]]:
     drawing = getattr(given, 'drawing', None)
     if drawing is None:
         return ends
-    points = pins_of_cylinders(design, structure) | structure.points
+    points = dict(design.mechanism.drawn.fixed) | structure.points
     for cylinder in drawing.cylinders:
         if cylinder.name != drawing.input and cylinder.name not in cylinder_of.values():
             ends[cylinder.name] = points.get(cylinder.from_), points.get(cylinder.to)
     return ends
-
-
-def pins_of_cylinders(design: Any, structure: Any) -> dict[str, complex]:
-    """Returns the places of the fixed pins that only cylinders have, m."""
-    drawing = getattr(design.drawn_mechanism, 'drawing', None)
-    if drawing is None:
-        return {}
-    origin = complex(*drawing.pins[next(iter(structure.points))])
-    unit = float(UNITS[drawing.units])
-    return {
-        pin: (complex(*drawing.pins[pin]) - origin) * unit
-        for pin in drawing.frame
-        if pin not in structure.points
-    }
 
 
 def _cylinder(load: Any) -> str:
@@ -519,16 +504,13 @@ def draw_sketch(axes: Axes, sketched: Sketched, *, with_dimensions: bool) -> Non
 
 
 def _draw_springs(axes: Axes, sketched: Sketched) -> _Drawn:
-    """Draws springs, cylinders, and the pins that only they have."""
+    """Draws springs and cylinders."""
     drawn = _Drawn([], [])
     for name, start, end in _springs(sketched):
         line = np.array([[start.real, start.imag], [end.real, end.imag]])
         axes.plot(*line.T, **SPRING_STYLE)
         drawn.lines.append(line)
         drawn.labels.append(_Label(name, 0.5 * (start + end), 1j * (end - start), DARK))
-    for name, place in pins_of_cylinders(sketched.design, sketched.solver.structure).items():
-        axes.plot(place.real, place.imag, 'o', color=fractions(DARK), markersize=3.5)
-        drawn.labels.append(_Label(name, place, -1j, BLACK))
     return drawn
 
 
