@@ -374,9 +374,10 @@ def _name(text: str, kind: str, taken: dict[str, None]) -> str:
     name = text if re.fullmatch(_NAME, text) else re.sub('[^A-Za-z0-9]+', '_', text).strip('_')
     if not re.fullmatch(_NAME, name) or name.lower() in _TAKEN:
         name = f'{kind}_{name}'.rstrip('_')
-    start = name if name not in taken else f'{name.rstrip("_")}_{kind}'
-    tries = itertools.chain([name, start], (f'{start}_{n}' for n in itertools.count(2)))
-    name = next(x for x in tries if x not in taken)
+    if name in taken:
+        base = f'{name.rstrip("_")}_{kind}'
+        numbered = (f'{base}_{n}' for n in itertools.count(2))
+        name = next(x for x in itertools.chain([base], numbered) if x not in taken)
     taken[name] = None
     return name
 

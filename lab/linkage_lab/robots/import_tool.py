@@ -317,22 +317,21 @@ def _left_out(options: argparse.Namespace, values: Mapping[str, object]) -> list
         ConfigurationError: The linkage does not fit to the others, or must not be replaced.
     """
     out, prefix = options.out, f'{options.linkage}.'
-    before: Mapping[str, Any] = read_values(str(out)) if out.exists() else {}
-    names = [*before.get('linkages', ())]
-    own = {f'{prefix}{name}': x for name, x in values.items()}
-    gone = []
-    if options.linkage not in names:
-        names.append(options.linkage)
-    elif options.overwrite:
-        gone = [name for name in before if name.startswith(prefix) and name not in own]
-        before = {name: x for name, x in before.items() if not name.startswith(prefix)}
-    else:
+    present: Mapping[str, Any] = read_values(str(out)) if out.exists() else {}
+    names = [*present.get('linkages', ())]
+    is_new = options.linkage not in names
+    if not is_new and not options.overwrite:
         raise ConfigurationError(
             f'it has a linkage {options.linkage}: choose another name, or give --overwrite to '
             'replace it'
         )
-    configure({'drive': 'follow', **before, 'linkages': names, **own})
-    return [f'left out of {out}, where they were: {", ".join(gone)}'] if gone else []
+    replaced = [] if is_new else [name for name in present if name.startswith(prefix)]
+    others = {name: x for name, x in present.items() if name not in replaced}
+    own = {f'{prefix}{name}': x for name, x in values.items()}
+    all_names = [*names, options.linkage] if is_new else names
+    configure({'drive': 'follow', **others, 'linkages': all_names, **own})
+    left_out = ', '.join(name for name in replaced if name not in own)
+    return [f'left out of {out}, where they were: {left_out}'] if left_out else []
 
 
 def _require_close_ends(found: RobotDrawing, options: argparse.Namespace) -> None:
