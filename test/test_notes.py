@@ -58,6 +58,18 @@ def test_probable_mistake_in_one_parameter_is_noted_by_its_name(changed, name):
     assert line.startswith(f'{name} = ')
 
 
+SINE = {**{name: x for name, x in GOOD.items() if name != 'rpm'}, 'drive': 'motion',
+        'motion.amplitude': 0.1, 'motion.frequency': 0.5}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('center', 'is_noted'), [(60.0, True), ('60deg', False), ('417deg', False), (1.0, False)]
+)
+def test_center_of_a_sine_of_more_than_a_turn_in_rad_is_noted(center, is_noted):
+    found = notes(configure({**SINE, 'motion.center': center}))
+    assert [line[:19] for line in found] == ['motion.center = 60 '] * is_noted
+
+
 def test_mass_of_a_disc_is_plausible_by_its_inertia():
     """A flywheel of 600 kg and 0.5 m radius on a short coupler."""
     heavy = {**GOOD, 'coupler.mass': 600.0, 'coupler.inertia': 75.0}

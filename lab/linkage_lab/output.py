@@ -22,6 +22,7 @@ from linkage_ros import ConfigurationError, LinkageError, __version__, load
 from linkage_ros.cli import progress_bar
 from linkage_ros.formulas import Array
 from linkage_ros.internals import notes_on, replacement, require_new, text_output
+from linkage_ros.quantities import Angle
 
 # Charts must be readable at half size, 700 pixels wide; the smallest text is then 8 pixels high.
 WIDTH, DPI = 10.0, 140  # inches, and pixels per inch
@@ -100,12 +101,13 @@ def doubts(*linkages: Any) -> list[str]:
     return [line for one in linkages for line in notes_on(one)]
 
 
-def load_pose(source: str, linkage: str) -> tuple[Any, list[str]]:
+def load_pose(source: str, linkage: str, at: float | None) -> tuple[Any, list[str]]:
     """Loads a linkage for one position; its drive need not be able to move it from there.
 
     Args:
         source: Parameter file or preset.
         linkage: Name of the linkage; empty for the only one.
+        at: The position given as --at, rad or m; None without one.
 
     Returns:
         The configuration, and notes: why the drive cannot move it, and what is doubtful.
@@ -115,6 +117,12 @@ def load_pose(source: str, linkage: str) -> tuple[Any, list[str]]:
         found.check_drive()
     except LinkageError as error:
         notes.append(str(error))
+    driven = found.mechanism.structure().driven_link
+    if at is not None and not driven.slides and not isinstance(at, Angle) and abs(at) > math.tau:
+        notes.append(
+            f'--at {at:g} is in rad: {at:g} rad = {math.degrees(at):.6g} deg; for {at:g} deg, '
+            f'write {at:g}deg'
+        )
     return found, [*notes, *doubts(found)]
 
 

@@ -119,6 +119,33 @@ def test_option_for_another_joint_is_refused(preset, words, monkeypatch, capsys)
     assert words.split()[0] in capsys.readouterr().err
 
 
+@pytest.mark.parametrize('command', ['state', 'sketch'])
+@pytest.mark.parametrize(('at', 'is_noted'), [('60', True), ('60deg', False), ('420deg', False)])
+def test_an_angle_of_many_turns_in_rad_is_noted(command, at, is_noted, tmp_path, called):
+    out = ['--out', str(tmp_path)] * (command == 'sketch')
+    _, _, err = called(command_line, command, 'quadrilateral', '--at', at, *out)
+    assert ('60 rad = 3437.75 deg; for 60 deg, write 60deg' in err) == is_noted
+
+
+@pytest.mark.parametrize('preset', ['watt', 'quadrilateral'])
+def test_the_assembly_of_the_file_is_marked(preset, called):
+    _, out, _ = called(command_line, 'state', preset, '--at', '85deg')
+    titles = [line for line in out.splitlines() if ': crank at ' in line]
+    assert [line for line in titles if ' (as in the file): ' in line] == titles[:1]
+    assert len(titles) > 1
+
+
+def test_the_drawn_assembly_is_marked_and_no_other(tmp_path, called):
+    path = tmp_path / 'first.yaml'
+    path.write_text(page_files(read('docs/drawings.md'))[path.name])
+    _, out, _ = called(command_line, 'state', path, '--at', '85deg', '--json')
+    own = [one for one in json.loads(out)['assemblies'] if one['is_own']]
+    assert len(own) == 1
+    _, plain, _ = called(command_line, 'state', path, '--at', '85deg')
+    assert plain.count('(as drawn)') == 1
+    assert f'{own[0]["assembly"]} (as drawn): ' in plain
+
+
 def test_a_linkage_of_several_is_chosen_by_its_name(called, tmp_path):
     norton, file = {**NORTON, 'rpm': 30.0}, tmp_path / 'two.yaml'
     both = {'linkages': ['left', 'right'], **norton, 'left.crank.length': 1.5}

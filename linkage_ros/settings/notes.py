@@ -22,7 +22,7 @@ from linkage_ros.messages.joints import own_joints
 from linkage_ros.messages.topics import prefix_of
 from linkage_ros.motion.drives.law import LawDrive, Prescribed
 from linkage_ros.numeric import Array
-from linkage_ros.quantities import leaves
+from linkage_ros.quantities import Angle, leaves
 from linkage_ros.settings.configuration import Configuration, Linkage
 from linkage_ros.settings.parameters import parameter_leaves
 
@@ -126,11 +126,14 @@ def _zero(linkage: Linkage) -> Iterator[str]:
 def _angles(linkage: Linkage) -> Iterator[str]:
     """Notes angles of more than a turn, which were probably meant in degrees."""
     values = linkage.parameters()
-    links = linkage.mechanism.structure().links
+    structure = linkage.mechanism.structure()
+    links = structure.links
     turning = [f'joints.{link.name}.zero' for link in links if not link.slides]
+    if not structure.driven_link.slides:
+        turning += ['motion.center', 'motion.amplitude']
     for name, quantity, _ in parameter_leaves(linkage.kind, values):
         value = values.get(name)
-        is_angle = quantity.unit == 'rad' or name in turning
+        is_angle = quantity.unit == 'rad' or (name in turning and not isinstance(value, Angle))
         if is_angle and isinstance(value, float) and abs(value) > 2 * math.pi:
             yield (
                 f'{name} = {value:g} rad = {math.degrees(value) % 360:.4g} deg after whole turns; '

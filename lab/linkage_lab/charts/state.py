@@ -23,6 +23,7 @@ from linkage_ros.quantities import Angle
 
 _MOST, _TRIED = 16, 1024  # assemblies shown, and tried
 _ASSEMBLIES = 'open', 'crossed'
+_ONLY = 'one assembly'
 
 
 class Value(NamedTuple):
@@ -45,11 +46,13 @@ class Snapshot(NamedTuple):
         values: Quantities by name, such as 'coupler.direction'.
         missing: Reason why the driving force ('driving') or the joint forces ('joint') could not
             be computed; empty if all could.
+        is_own: Whether this is the assembly of the file.
     """
 
     assembly: str
     values: dict[str, Value]
     missing: dict[str, str]
+    is_own: bool = False
 
 
 def state(options: argparse.Namespace) -> None:
@@ -63,7 +66,7 @@ def state(options: argparse.Namespace) -> None:
         UnreachableError: No assembly exists at this position.
     """
     table = options.csv and new_file(options, options.csv)
-    design, notes = load_pose(options.params, options.linkage)
+    design, notes = load_pose(options.params, options.linkage, options.at)
     place, speed, words = position_and_speed(design, options)
     found, more = snapshots(design, place, speed, options.acceleration)
     cli.print_notes([*notes, *more])
@@ -73,6 +76,7 @@ def state(options: argparse.Namespace) -> None:
             'assemblies': [
                 {
                     'assembly': one.assembly,
+                    'is_own': one.is_own,
                     'values': {name: x._asdict() for name, x in one.values.items()},
                     'missing': one.missing,
                 }
@@ -80,8 +84,10 @@ def state(options: argparse.Namespace) -> None:
             ],
         })  # fmt: skip
     elif table != Path(STANDARD_OUTPUT):
+        own = 'as drawn' if design.mechanism.drawn else 'as in the file'
         for one in found:
-            print(*_table(one, words), '', sep='\n')
+            mark = f' ({own})' if one.is_own and one.assembly != _ONLY else ''
+            print(*_table(one, f'{one.assembly}{mark}: {words}'), '', sep='\n')
     if table:
         save_csv(table, *_rows(found))
 
@@ -137,7 +143,7 @@ def snapshots(
         UnreachableError: No assembly exists at this position.
     """
     found, refusals, notes = list[Snapshot](), list[LinkageError](), list[str]()
-    for words, mechanism in assemblies(design.mechanism):
+    for number, (words, mechanism) in enumerate(assemblies(design.mechanism)):
         try:
             one = _snapshot(words, mechanism, design.drive, place, speed, acceleration)
         except LinkageError as error:
@@ -148,7 +154,7 @@ def snapshots(
         if len(found) == _MOST:
             notes.append(f'there are more than these {_MOST} assemblies')
             break
-        found.append(one)
+        found.append(one._replace(is_own=number == 0))
     if not found:
         raise refusals[0]
     return found, notes
@@ -174,7 +180,7 @@ def assemblies(mechanism: Mechanism) -> Iterator[tuple[str, Mechanism]]:
         words = [loop_assembly] if len(loop_choices) > 1 else []
         words += [dyad.assembly_words for dyad in dyads if dyad.has_assemblies]
         yield (
-            ', '.join(words) or 'one assembly',
+            ', '.join(words) or _ONLY,
             replace(cast('Any', mechanism), assembly=loop_assembly, dyads=dyads),
         )
 
@@ -283,12 +289,12 @@ def _joints(solver: Solver, motion: tuple[Any, ...]) -> dict[str, Value]:
     return values | {'shaking_moment': Value('N m', reactions.shaking_moment)}
 
 
-def _table(one: Snapshot, words: str) -> Iterator[str]:
-    """Yields the lines of a table: links, points, missing forces, and all other quantities."""
+def _table(one: Snapshot, title: str) -> Iterator[str]:
+    """Yields the lines of a table: title, links, points, missing forces, other quantities."""
     values = one.values
     points = [name.removesuffix('.velocity.x') for name in values if '.velocity.x' in name]
     width = 2 + max(12, *(len(name.partition('.')[0]) for name in values))
-    yield f'{one.assembly}: {words}'
+    yield title
     yield f'  {"link":<{width}}{"position":>16}{"velocity":>18}{"acceleration":>20}'
     tabulated = list[str]()
     for name in values:
