@@ -150,34 +150,42 @@ def robot_joints(
     """
     axes: dict[str, tuple[int | None, float | None]] = {FRAME_NAME: (None, None)}
     axes |= {link.name: axes_of(links, i) for i, link in enumerate(links)}
-    found = list(own_joints(links, joint_prefix))
-    found[driven] = found[driven]._replace(is_measured=is_measured)
-    for i, (link, joint) in enumerate(zip(links, found, strict=True)):
-        given, group = settings.get(link.name, JointSettings()), f'{GROUP}.{link.name}'
-        valid = [name for name in axes if name != link.name]
+    joints = list(own_joints(links, joint_prefix))
+    joints[driven] = joints[driven]._replace(is_measured=is_measured)
+    for i, link in enumerate(links):
+        given = settings.get(link.name, JointSettings())
+        parents = [name for name in axes if name != link.name]
         if i == driven or link.slides:
-            valid = [FRAME_NAME if link.parent is None else links[link.parent].name]
-        _check(given, link, valid)
+            parents = [FRAME_NAME if link.parent is None else links[link.parent].name]
+        _check(given, link, parents)
         if i == driven and given.name == '':
             raise ConfigurationError(
-                f"{group}.name = '': must be a name, because the others follow it"
+                f"{GROUP}.{link.name}.name = '': must be a name, because the others follow it"
             )
-        parent, guide = axes[measured_from(links, link, given)]
-        found[i] = joint._replace(
-            name=joint.name if given.name is None else given.name,
-            parent=parent,
-            guide=guide,
-            zero=float(given.zero or 0.0),
-            ratio=1.0 if given.ratio is None else given.ratio,
-            is_mapped=any(x is not None for x in (given.zero, given.ratio, given.parent)),
-        )
-    _require_tree(found, links)
-    names = [joint.name for joint in found if joint.name]
-    if twice := next((name for name in names if names.count(name) > 1), ''):
+        axis = axes[measured_from(links, link, given)]
+        joints[i] = _mapped(joints[i], given, axis)
+    _require_tree(joints, links)
+    names = [joint.name for joint in joints if joint.name]
+    if repeated := next((name for name in names if names.count(name) > 1), ''):
         raise ConfigurationError(
-            f'two joints are named {shown(twice)}: give each of {GROUP} a name of its own'
+            f'two joints are named {shown(repeated)}: give each of {GROUP} a name of its own'
         )
-    return tuple(found)
+    return tuple(joints)
+
+
+def _mapped(
+    joint: RobotJoint, given: JointSettings, axis: tuple[int | None, float | None]
+) -> RobotJoint:
+    """Returns a joint with its settings, measured from an axis; see `axes_of`."""
+    parent, guide = axis
+    return joint._replace(
+        name=joint.name if given.name is None else given.name,
+        parent=parent,
+        guide=guide,
+        zero=float(given.zero or 0.0),
+        ratio=1.0 if given.ratio is None else given.ratio,
+        is_mapped=any(x is not None for x in (given.zero, given.ratio, given.parent)),
+    )
 
 
 def _require_tree(joints: Sequence[RobotJoint], links: Sequence[Link]) -> None:

@@ -112,15 +112,13 @@ def shared_by_all(
     for name in first:
         if not all(name in values for values in others):
             continue
-        followers = [every[x][name] for x in every if name not in own[x]]
-        is_default = len(followers) == len(every) and all(x == first[name] for x in followers)
-        if followers and (name in given or is_default):
-            shared[name] = followers[0]
-    below = {
-        linkage: frozenset(
-            name for name, value in values.items()
-            if name in own[linkage] or name not in shared or shared[name] != value
-        )
-        for linkage, values in every.items()
-    }  # fmt: skip
+        # The values that the linkages take from the top.
+        taken = [values[name] for linkage, values in every.items() if name not in own[linkage]]
+        is_equal_default = len(taken) == len(every) and all(x == first[name] for x in taken)
+        if taken and (name in given or is_equal_default):
+            shared[name] = taken[0]
+    below = dict[str, frozenset[str]]()
+    for linkage, values in every.items():
+        differing = {name for name, x in values.items() if name not in shared or shared[name] != x}
+        below[linkage] = frozenset(differing | ({*own[linkage]} & {*values}))
     return shared, below

@@ -81,14 +81,7 @@ def _standing(linkage: Linkage) -> Iterator[str]:
     fastest = np.zeros(len(solver.links))
     for place in (start, start + _NEAR, start - _NEAR):  # a dead centre is at one place alone
         with suppress(UnreachableError):
-            state = solver.state(place, 1.0)
-            speeds = np.abs(state.velocity)
-            for pin in solver.structure.pins:
-                speed = math.hypot(*solver.point(state, pin.name).velocity)
-                for j in (pin.first, pin.second):
-                    if j is not None:
-                        speeds[j] = max(speeds[j], speed)
-            fastest = np.maximum(fastest, speeds)
+            fastest = np.maximum(fastest, _speeds(solver, place))
     still = [x for x, speed in zip(solver.links, fastest, strict=True) if speed < _STILL]
     if still:
         yield (
@@ -97,15 +90,37 @@ def _standing(linkage: Linkage) -> Iterator[str]:
         )
 
 
+def _speeds(solver: Solver, place: float) -> Array:
+    """Returns the largest of each link's rate and of the speeds of its pins.
+
+    Args:
+        solver: Solver of the mechanism.
+        place: Place of the driven joint, whose rate is 1.
+
+    Raises:
+        UnreachableError: The mechanism cannot be there.
+    """
+    state = solver.state(place, 1.0)
+    speeds = np.abs(state.velocity)
+    for pin in solver.structure.pins:
+        speed = math.hypot(*solver.point(state, pin.name).velocity)
+        for j in (pin.first, pin.second):
+            if j is not None:
+                speeds[j] = max(speeds[j], speed)
+    return speeds
+
+
 def _rigid(linkage: Linkage) -> Iterator[str]:
     """Notes dyads that do not move relative to the link that has both of their ends."""
     structure = linkage.mechanism.structure()
     carriers = carriers_of(structure.pins, structure.links)
-    for i in sorted({x for x in carriers if x is not None}):
-        names = [link.name for j, link in enumerate(structure.links) if carriers[j] == i != j]
-        if names:
+    for i, carrier in enumerate(structure.links):
+        carried = [
+            link.name for j, link in enumerate(structure.links) if j != i and carriers[j] == i
+        ]
+        if carried:
             yield (
-                f'{", ".join(names)}: rigid with {structure.links[i].name}, so that their joints '
+                f'{", ".join(carried)}: rigid with {carrier.name}, so that their joints '
                 'have no motion and no friction; give them as one link, or correct an end'
             )
 
@@ -144,15 +159,17 @@ def _angles(linkage: Linkage) -> Iterator[str]:
 def _link_lengths(linkage: Linkage) -> dict[str, float]:
     """Returns lengths by their parameters, m; in a drawing, those of its links."""
     if linkage.drawn_mechanism is None:
-        values = linkage.parameters().items()
-        return {n: x for n, x in values if n.endswith('.length') and isinstance(x, float)}
-    parts = linkage.mechanism.parts()
-    links = (f'drawing.links.{link.name}' for link in linkage.drawn_mechanism.drawing.links)
-    return {
-        f'{name}.length': part.length
-        for name in links
-        if hasattr(part := parts[name.rpartition('.')[2]], 'length')
-    }
+        return {
+            name: value
+            for name, value in linkage.parameters().items()
+            if name.endswith('.length') and isinstance(value, float)
+        }
+    lengths, parts = dict[str, float](), linkage.mechanism.parts()
+    for link in linkage.drawn_mechanism.drawing.links:
+        part = parts[link.name]
+        if hasattr(part, 'length'):
+            lengths[f'drawing.links.{link.name}.length'] = part.length
+    return lengths
 
 
 def _lengths(linkage: Linkage) -> Iterator[str]:
@@ -211,12 +228,15 @@ def _places(linkage: Linkage) -> Iterator[str]:
 def _drawn_places(linkage: Linkage, drawing: Drawing, longest: float) -> Iterator[str]:
     """Notes centres of mass and loads that are far from their links in a drawing."""
     mechanism, unit = linkage.mechanism, drawing.units
-    places = [(f'the center of {x}', part.center) for x, part in mechanism.parts().items()
-              if getattr(part, 'center', None)]  # fmt: skip
-    places += [(f'loads.{load.name}.at', at) for load in mechanism.loads
-               if (at := getattr(load, 'at', None))]  # fmt: skip
+    places = [
+        *(
+            (f'the center of {x}', getattr(y, 'center', None))
+            for x, y in mechanism.parts().items()
+        ),
+        *((f'loads.{load.name}.at', getattr(load, 'at', None)) for load in mechanism.loads),
+    ]
     for name, place in places:
-        if 0 < _FAR * longest < math.hypot(*place):
+        if place and 0 < _FAR * longest < math.hypot(*place):
             yield (
                 f'{name} is {math.hypot(*place):.3g} m from its link as drawn, where the longest '
                 f'link has {longest:.3g} m; is it a place in the drawing, in {unit}?'
@@ -251,11 +271,12 @@ def _masses(linkage: Linkage) -> Iterator[str]:
         part, _, field = name.rpartition('.')
         if field != 'mass' or not isinstance(mass, float) or not mass:
             continue
-        # A crank may be a disc, larger than the distance of its pins.
-        own = None if part in cranks else lengths.get(f'{part}.length')
+        length = lengths.get(f'{part}.length')
+        if length is None or part in cranks:  # a crank may be a disc, larger than its length
+            length = longest
         inertia = values.get(f'{part}.inertia')
         gyration = math.sqrt(inertia / mass) if isinstance(inertia, float) else 0.0
-        size = max(longest if own is None else own, gyration)
+        size = max(length, gyration)
         if 0 < _DENSEST * size**3 < mass:
             yield (
                 f'{name} = {mass:g} kg, more than a cube of steel with an edge of '
@@ -282,18 +303,18 @@ def _near_change_point(linkage: Linkage) -> Iterator[str]:
 def _rate(linkage: Linkage) -> Iterator[str]:
     """Notes a rate with too few states per turn, or per period of a law."""
     drive, rate = linkage.drive, linkage.session.rate_hz
-    turns, word = 0.0, 'turn'  # per second
+    per_second, word = 0.0, 'turn'
     if isinstance(drive, LawDrive):
         law = drive.motion.law
         if law.repeats:
-            turns = max(1, abs(law.turns or 0)) * 1e9 / law.duration
+            per_second = max(1, abs(law.turns or 0)) * 1e9 / law.duration
             word = 'turn' if law.turns else 'period of the motion'
     else:
-        turns = abs(getattr(drive, 'rpm', None) or 0.0) / 60
-    if turns and rate < _FEW * turns:
+        per_second = abs(getattr(drive, 'rpm', None) or 0.0) / 60
+    if per_second and rate < _FEW * per_second:
         yield (
-            f'rate_hz = {rate:g} gives {rate / turns:.3g} states per {word}, and the peaks are '
-            f'between them; did you mean {60 * turns:.4g} Hz, 60 states per {word}?'
+            f'rate_hz = {rate:g} gives {rate / per_second:.3g} states per {word}, and the peaks '
+            f'are between them; did you mean {60 * per_second:.4g} Hz, 60 states per {word}?'
         )
 
 
@@ -322,25 +343,25 @@ def _roughness(motion: Prescribed) -> float:
     times, places = np.array(motion.times or ()), np.array(motion.places or ())
     if len(times) < _POINTS:
         return 0.0
-    step = (times[-1] - times[0]) / (len(times) - 1)  # mean
-
-    def bend_over(n: int) -> Array:
-        """Returns the accelerations through points n apart, times the square of the mean step."""
-        rates = (places[n:] - places[:-n]) / (times[n:] - times[:-n])
-        bend: Array = (rates[n:] - rates[:-n]) / (times[2 * n :] - times[: -2 * n])
-        bend *= 2 * step**2
-        return bend
-
-    bends = {n: bend_over(n) for n in (1, *_ROUGH)}
-    size = {n: math.sqrt(np.mean(bend**2)) for n, bend in bends.items()}
-    travel = math.sqrt(np.mean(np.diff(places) ** 2))
-    if size[1] <= _NEGLIGIBLE * travel or not size[4]:
+    differences = {n: _second_differences(times, places, n) for n in (1, *_ROUGH)}
+    rms = {n: math.sqrt(np.mean(row**2)) for n, row in differences.items()}
+    rms_step = math.sqrt(np.mean(np.diff(places) ** 2))
+    if rms[1] <= _NEGLIGIBLE * rms_step or not rms[4]:
         return 0.0
-    if any(size[1] <= factor * size[n] for n, factor in _ROUGH.items()):
+    if any(rms[1] <= factor * rms[n] for n, factor in _ROUGH.items()):
         return 0.0
-    bend = abs(bends[1])
-    is_everywhere = np.mean(bend > 0.4 * bend.max()) > 0.05  # not a single jump
-    return size[1] / size[4] if is_everywhere else 0.0
+    sizes = abs(differences[1])
+    is_everywhere = np.mean(sizes > 0.4 * sizes.max()) > 0.05  # not a single jump
+    return rms[1] / rms[4] if is_everywhere else 0.0
+
+
+def _second_differences(times: Array, places: Array, n: int) -> Array:
+    """Returns the accelerations through points n apart, times the square of the mean step."""
+    mean_step = (times[-1] - times[0]) / (len(times) - 1)
+    rates = (places[n:] - places[:-n]) / (times[n:] - times[:-n])
+    differences: Array = (rates[n:] - rates[:-n]) / (times[2 * n :] - times[: -2 * n])
+    differences *= 2 * mean_step**2
+    return differences
 
 
 def _nothing(linkage: Linkage) -> Iterator[str]:

@@ -67,14 +67,12 @@ def with_new_names(values: Mapping[str, object]) -> dict[str, object]:
     Returns:
         The values with the same points and loads, whose forces are added in the same order.
     """
-    kept = {name: value for name, value in values.items() if not _is_old(name)}
-    sections = {'loads': _converted(values), 'points': _converted_point(values)}
-    return kept | {
-        f'{section}.{name}.{parameter}': value
-        for section, members in sections.items()
-        for name, member in members.items()
-        for parameter, value in member.items()
-    }
+    renamed = {name: value for name, value in values.items() if not _is_old(name)}
+    for section, members in _converted(values).items():
+        for name, member in members.items():
+            for parameter, value in member.items():
+                renamed[f'{section}.{name}.{parameter}'] = value
+    return renamed
 
 
 def refuse_old_names(values: Mapping[str, object]) -> None:
@@ -90,8 +88,7 @@ def refuse_old_names(values: Mapping[str, object]) -> None:
     if not old:
         return
     names = shortened(', '.join(old), _LONGEST)
-    converted = {'loads': _converted(values), 'points': _converted_point(values)}
-    changed = {section: members for section, members in converted.items() if members}
+    changed = {section: members for section, members in _converted(values).items() if members}
     if not changed:
         raise ConfigurationError(f'{names}: version 2.0 has no such parameters; leave them out')
     present = {section: _present(section, values) for section in changed}
@@ -105,6 +102,11 @@ def refuse_old_names(values: Mapping[str, object]) -> None:
     )
     error.lines = '\n'.join(_as_yaml(x, members | present[x]) for x, members in changed.items())
     raise error
+
+
+def _converted(values: Mapping[str, object]) -> dict[str, Members]:
+    """Returns the loads and points that replace old names, by section."""
+    return {'loads': _converted_loads(values), 'points': _converted_point(values)}
 
 
 def new_name(name: str) -> str:
@@ -140,22 +142,26 @@ def _converted_point(values: Mapping[str, object]) -> Members:
     return {_POINT: {'link': 'coupler', 'at': values[_OLD_POINT]}}
 
 
-def _converted(values: Mapping[str, object]) -> Members:
+def _converted_loads(values: Mapping[str, object]) -> Members:
     """Returns the loads that replace old names, by names that keep their order in sums."""
-    found = Members()
+    loads = Members()
     for old in _OLD_LOADS:
         for name, value in values.items():
-            if match := re.fullmatch(old.pattern, name):
-                link, parameter = match.groupdict().get('link', ''), match['parameter']
-                own = {'kind': old.kind} | ({'link': link} if link else {})
-                load = found.setdefault(old.name.format(link=link), own)
-                load[old.parameters.get(parameter, parameter)] = value
-    found = {name: load for name, load in found.items() if _acts(load)}
-    names = [*found, *sorted(_present('loads', values))]
+            match = re.fullmatch(old.pattern, name)
+            if not match:
+                continue
+            link, parameter = match.groupdict().get('link', ''), match['parameter']
+            new_name = old.name.format(link=link)
+            if new_name not in loads:
+                loads[new_name] = {'kind': old.kind, 'link': link} if link else {'kind': old.kind}
+            loads[new_name][old.parameters.get(parameter, parameter)] = value
+    loads = {name: load for name, load in loads.items() if _acts(load)}
+    names = [*loads, *sorted(_present('loads', values))]
     summed = [name for name in names if name != 'friction']  # friction acts in joints
-    if summed != sorted(summed) or len({*names}) < len(names):
-        return {f'{_FIRST}{name}': load for name, load in found.items()}
-    return found
+    keeps_order, is_unique = summed == sorted(summed), len({*names}) == len(names)
+    if keeps_order and is_unique:
+        return loads
+    return {f'{_FIRST}{name}': load for name, load in loads.items()}
 
 
 def _present(section: str, values: Mapping[str, object]) -> Members:

@@ -168,12 +168,16 @@ def parameter_leaves(
         ConfigurationError: A load in the values has no valid kind.
     """
     drive, mechanism = DRIVES[kind.drive], MECHANISMS[kind.mechanism]
-    classes = (MechanismAndDrive, mechanism, drive, Session)
     unused = set() if values is None else {*mechanism.unused(values)}
-    unused |= {'rate_hz'} if drive.is_measured else set()  # measurements set the rate
-    found = (leaf for cls in classes for leaf in leaves(cls, values=values))
-    own = [leaf for leaf in found if leaf.name not in unused]
-    for i, (name, described, _) in enumerate(own):
-        if name == 'gravity':  # an integrator keeps its model
-            own[i] = own[i]._replace(quantity=replace(described, live=not drive.is_integrated))
+    if drive.is_measured:  # measurements set the rate
+        unused.add('rate_hz')
+    own = list[Leaf]()
+    for cls in (MechanismAndDrive, mechanism, drive, Session):
+        for leaf in leaves(cls, values=values):
+            if leaf.name in unused:
+                continue
+            if leaf.name == 'gravity':  # an integrator keeps its model
+                is_live = not drive.is_integrated
+                leaf = leaf._replace(quantity=replace(leaf.quantity, live=is_live))
+            own.append(leaf)
     return (*own, *joint_leaves(mechanism, values))

@@ -9,7 +9,7 @@ are text. Lists such as [0, -9.81], which rcl refuses, are read as floats.
 
 import re
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias, cast
 
@@ -202,47 +202,60 @@ class _Reader:
         while not isinstance(key := self.next(), yaml.MappingEndEvent):
             if not isinstance(key, yaml.ScalarEvent) or not key.value:
                 raise self.error(f'{_show(key)} is not a name; write "name: value"')
-            if len('.'.join(path := (*names, key.value))) > _MAX_NAME:
+            path = (*names, key.value)
+            full_name = '.'.join(path)
+            if len(full_name) > _MAX_NAME:
                 raise self.error(
                     f'{_show(key)} makes a name of over {_MAX_NAME} characters; shorten it'
                 )
-            if isinstance(event := self.next(), yaml.MappingStartEvent):
+            event = self.next()
+            if isinstance(event, yaml.MappingStartEvent):
                 yield from self.mapping(path)
             else:
-                name = '.'.join(path).rpartition(f'{_SECTION}.')[2]
-                yield path, self.value(name, event)
+                parameter = full_name.rpartition(f'{_SECTION}.')[2]
+                yield path, self.value(parameter, event)
 
     def value(self, name: str, event: yaml.Event) -> ParameterValue:
+        """Reads the value of a name, which begins with an event."""
         if isinstance(event, yaml.ScalarEvent):
             return self.scalar(name, event)
-        items: list[_Scalar] = []
-        texts = list[str]()
+        items, texts = list[_Scalar](), list[str]()
         while not isinstance(event := self.next(), yaml.SequenceEndEvent):
             if not isinstance(event, yaml.ScalarEvent):
                 raise self.error(f'{name!r} holds {_show(event)}; {_VALUE}')
             items.append(self.scalar(name, event))
-            types = {type(items[0]), type(items[-1])}
             texts.append(event.value)
-            if types == {bool, str}:
-                text = texts[-1] if isinstance(items[-1], bool) else texts[0]
-                raise self.syntax_error(
-                    f'{name!r}: ROS reads {text} as a boolean; choose another name, or quote it '
-                    'if it is not a name'
-                )
-            if len(types) > 1 and types != {int, float}:
-                mix = f'{shown(items[0])} and {shown(items[-1])}'
-                raise self.syntax_error(
-                    f'{name!r} mixes types, {mix}; give one, as in [0.0, -9.81] or [10deg, 85deg]'
-                )
+            self._require_one_type(name, items, texts)
         if not items:
             raise self.error(f'{name!r} is an empty list; {_VALUE}')
-        if len({*map(type, items)}) > 1:
+        is_mixed = len({*map(type, items)}) > 1
+        if is_mixed:
             text = self.data.decode(errors='replace').split('\n')[self.line - 1]
             if ', ' in text and re.search(_DECIMAL_COMMA, text):
                 raise self.syntax_error(f'{name!r} has a comma in a number')
             items = [*map(float, items)]
             self.mixed[name, self.line] = cast('list[float]', items)
         return cast('ParameterValue', items)
+
+    def _require_one_type(self, name: str, items: Sequence[_Scalar], texts: Sequence[str]) -> None:
+        """Rejects the last item of a list unless its type is that of the first.
+
+        Raises:
+            ConfigurationError: The types differ, and are not int and float.
+        """
+        first, last = items[0], items[-1]
+        types = {type(first), type(last)}
+        if types == {bool, str}:
+            text = texts[-1] if isinstance(last, bool) else texts[0]
+            raise self.syntax_error(
+                f'{name!r}: ROS reads {text} as a boolean; choose another name, or quote it '
+                'if it is not a name'
+            )
+        if len(types) > 1 and types != {int, float}:
+            raise self.syntax_error(
+                f'{name!r} mixes types, {shown(first)} and {shown(last)}; give one, as in '
+                '[0.0, -9.81] or [10deg, 85deg]'
+            )
 
     def scalar(self, name: str, event: yaml.ScalarEvent) -> _Scalar:
         if event.style:
@@ -282,18 +295,19 @@ class _Reader:
 
     def syntax_error(self, problem: str) -> ConfigurationError:
         """Returns an error with all lines that have a common mistake, or else the problem."""
-        found = []
+        mistakes = []
         text = self.data.decode(errors='replace')
         for number, line in enumerate(text.split('\n'), 1):
-            bare = re.sub(r'"[^"]*"|\'[^\']*\'|(^|\s)#.*', '', line)
-            # In a list, numbers may be separated by a comma without a space.
-            single = bare if number == self.line else re.sub(r'\[[^][]*\]', '', bare)
+            code = re.sub(r'"[^"]*"|\'[^\']*\'|(^|\s)#.*', '', line)  # without texts and comments
+            if number != self.line:
+                # In a list, numbers may be separated by a comma without a space.
+                code = re.sub(r'\[[^][]*\]', '', code)
             for pattern, mistake in _COMMON.items():
-                if match := re.search(pattern, single):
-                    found.append(f'line {number}: {mistake.format(*match.groups())}')
-        if not found:
+                if match := re.search(pattern, code):
+                    mistakes.append(f'line {number}: {mistake.format(*match.groups())}')
+        if not mistakes:
             return self.error(problem)
-        return ConfigurationError(f'{self.file}, {shortened("; ".join(found), 400)}')
+        return ConfigurationError(f'{self.file}, {shortened("; ".join(mistakes), 400)}')
 
     def error(self, problem: str) -> ConfigurationError:
         return ConfigurationError(f'{self.file}, line {self.line}: {problem}')
