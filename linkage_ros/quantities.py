@@ -16,7 +16,7 @@ import functools
 import math
 import re
 import typing
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from numbers import Real
 from typing import Any, ClassVar, NamedTuple, TypeVar
@@ -284,10 +284,12 @@ def resembling(given: str, valid: Iterable[str]) -> str:
         given: The misspelt name; capital letters, and `-` or a space for `_`, do not count.
         valid: The valid names.
     """
-    names, plain = {_plain(name): name for name in valid}, _plain(given[:_LONGEST])
-    found = [name for name in names if sorted(name) == sorted(plain)]  # letters are exchanged
-    found = found or difflib.get_close_matches(plain, names, n=1, cutoff=0.75)
-    return names[found[0]] if found else ''
+    name_of, plain = {_plain(name): name for name in valid}, _plain(given[:_LONGEST])
+    for candidate, name in name_of.items():
+        if sorted(candidate) == sorted(plain):  # letters are exchanged
+            return name
+    closest = difflib.get_close_matches(plain, name_of, n=1, cutoff=0.75)
+    return name_of[closest[0]] if closest else ''
 
 
 def _plain(name: str) -> str:
@@ -331,19 +333,20 @@ def unknown_name(name: str, owner: str, valid: Collection[str], where: str) -> s
     """
     if single := _value_above(name, valid):
         return f'{single} is one value, without names below it: write {single}: VALUE'
-    group, words = name, _below(name, valid)
-    while group and not words:
+    mistake, all_names = f'{shown(name)} is not a parameter of {owner}', f'{where} lists all'
+    group, members = name, _below(name, valid)
+    while group and not members:
         group = group.rpartition('.')[0]
-        words = _below(group, valid)
+        members = _below(group, valid)
+    if members and group == name:
+        return f'{mistake}; write {name}: {{{members[0]}: ...}}; {all_names}'
+    if name.endswith('.weight') and 'mass' in members:
+        return f'{mistake}; give mass, in kg; {all_names}'
     meant = _resembling_parameter(name, valid)
-    hint = f'; {group} has {", ".join(words)}' if words and meant in {'', name} else ''
-    if words and group == name:
-        hint = f'; write {name}: {{{words[0]}: ...}}'
-    elif name.endswith('.weight') and 'mass' in words:
-        hint = '; give mass, in kg'
-    elif meant not in {'', name}:
-        return f'{shown(name)} is not a parameter of {owner}; did you mean {meant}?'
-    return f'{shown(name)} is not a parameter of {owner}{hint}; {where} lists all'
+    if meant not in {'', name}:
+        return f'{mistake}; did you mean {meant}?'
+    hint = f'; {group} has {", ".join(members)}' if members else ''
+    return f'{mistake}{hint}; {all_names}'
 
 
 def _below(group: str, valid: Iterable[str]) -> list[str]:
@@ -369,14 +372,16 @@ def _value_above(name: str, valid: Iterable[str]) -> str:
 def _resembling_parameter(name: str, valid: Iterable[str]) -> str:
     """Returns the parameter or group of parameters that a name resembles most, or ''."""
     valid = [*valid]
-    found, below = list[str](), [x.split('.') for x in valid]
+    # The names whose first parts fit those of the name so far, as they are meant.
+    candidates, meant_parts = [x.split('.') for x in valid], list[str]()
     for i, part in enumerate(name.split('.')):
-        known = {x[i] for x in below if len(x) > i}
+        candidates = [x for x in candidates if len(x) > i]
+        known = {x[i] for x in candidates}
         meant = part if known & {part, 'NAME'} else resembling(part, known)
-        below = [x for x in below if len(x) > i and x[i] in {meant, 'NAME'}]
-        found.append(meant)
-    if all(found):
-        return '.'.join(found)
+        candidates = [x for x in candidates if x[i] in {meant, 'NAME'}]
+        meant_parts.append(meant)
+    if all(meant_parts):
+        return '.'.join(meant_parts)
     return '' if '.' in name else resembling(name, valid)
 
 
@@ -590,31 +595,8 @@ class Checked:
     def __post_init__(self) -> None:
         for field, part in _parts(type(self)):
             value = getattr(self, field.name)
-            if value is UNKNOWN:
-                continue
-            if isinstance(part, Quantity):
-                if value is not None or field.default is not None:
-                    cleaned = part.clean(_parameter(field), value)
-                    object.__setattr__(self, field.name, cleaned)
-                continue
-            if isinstance(part, _Named):
-                items = {
-                    x: y if y is UNKNOWN else part.value.clean(f'{field.name}.{x}', y)
-                    for x, y in value.items()
-                }
-                object.__setattr__(self, field.name, items)
-                continue
-            is_group = isinstance(part, _Group)
-            if value is None and not is_group and part.is_optional:
-                continue
-            members = tuple(value) if isinstance(value, (list, tuple)) else (value,)
-            for member in members:
-                if not isinstance(member, part.base):
-                    raise ConfigurationError(
-                        f'{field.name} = {shown(member)}: must be of type {part.base.__name__}'
-                    )
-            if is_group:
-                object.__setattr__(self, field.name, members)
+            if value is not UNKNOWN:
+                object.__setattr__(self, field.name, _cleaned(field, part, value))
 
 
 class Leaf(NamedTuple):
@@ -647,29 +629,72 @@ def leaves(
     """
     found: list[Leaf] = []
     for field, part in _parts(cls):
+        start = f'{prefix}{field.name}.'
         if isinstance(part, Quantity):
             found.append(Leaf(prefix + _parameter(field), part, field.default))
-            continue
-        start = f'{prefix}{field.name}.'
-        if isinstance(part, _Named):
+        elif isinstance(part, _Named):
             names = ['NAME'] if values is None else part.names(start, values)
             found += (Leaf(start + name, part.value, MISSING) for name in names)
-        elif isinstance(part, _Group) and values is None and not part.has_kinds:
-            found += leaves(part.kinds[''], f'{start}NAME.')
         elif isinstance(part, _Group):
-            for name, kind in part.members(start, values or {}).items():
-                if part.has_kinds:
-                    found.append(Leaf(f'{start}{name}.kind', part.kind, MISSING))
-                found += leaves(kind, f'{start}{name}.', values)
+            found += _leaves_of_group(part, start, values)
         elif not part.is_optional:
             found += leaves(part.base, start, values)
         elif values is None or _names(values, prefix + field.name):
             # Required only if the part is present.
-            found += (
-                leaf._replace(default=None) if leaf.default is MISSING else leaf
-                for leaf in leaves(part.base, start, values)
-            )
+            for leaf in leaves(part.base, start, values):
+                is_required = leaf.default is MISSING
+                found.append(leaf._replace(default=None) if is_required else leaf)
     return tuple(found)
+
+
+def _leaves_of_group(
+    group: _Group, start: str, values: Mapping[str, object] | None
+) -> Iterator[Leaf]:
+    """Yields the quantities of the objects in a group; see `leaves`.
+
+    Args:
+        group: The group.
+        start: Name of its field, and a dot.
+        values: Values by dotted name.
+    """
+    if values is None and not group.has_kinds:
+        yield from leaves(group.kinds[''], f'{start}NAME.')
+        return
+    for name, kind in group.members(start, values or {}).items():
+        if group.has_kinds:
+            yield Leaf(f'{start}{name}.kind', group.kind, MISSING)
+        yield from leaves(kind, f'{start}{name}.', values)
+
+
+def _cleaned(field: Any, part: Any, value: Any) -> Any:
+    """Validates the value of a field, and converts it to the type of the field.
+
+    Args:
+        field: The field.
+        part: Its quantity, or what it is instead.
+        value: The value.
+
+    Raises:
+        ConfigurationError: The value is invalid.
+    """
+    if isinstance(part, Quantity):
+        is_left_out = value is None and field.default is None
+        return None if is_left_out else part.clean(_parameter(field), value)
+    if isinstance(part, _Named):
+        return {
+            name: x if x is UNKNOWN else part.value.clean(f'{field.name}.{name}', x)
+            for name, x in value.items()
+        }
+    is_group = isinstance(part, _Group)
+    if value is None and not is_group and part.is_optional:
+        return None
+    members = tuple(value) if isinstance(value, (list, tuple)) else (value,)
+    for member in members:
+        if not isinstance(member, part.base):
+            raise ConfigurationError(
+                f'{field.name} = {shown(member)}: must be of type {part.base.__name__}'
+            )
+    return members if is_group else value
 
 
 def _names(values: Mapping[str, object], group: str) -> bool:

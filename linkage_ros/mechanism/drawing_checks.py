@@ -71,20 +71,16 @@ class Outline:
             drawing: A `drawing.Drawing`.
         """
         self.drawing, self.mistakes = drawing, list[str]()
-        lists = [
-            ('drawing.frame', None, drawing.frame),
-            *((f'drawing.links.{x.name}', x, x.pins) for x in drawing.links),
-            *((f'drawing.slides.{x.name}', x, x.all_pins) for x in drawing.slides),
-            *((f'drawing.cylinders.{x.name}', x, (x.from_, x.to)) for x in drawing.cylinders),
+        self._forgotten = _forgotten_pins(drawing)
+        self.frame = self._read('drawing.frame', None, drawing.frame)
+        self.links = [self._read(f'drawing.links.{x.name}', x, x.pins) for x in drawing.links]
+        self.slides = [
+            self._read(f'drawing.slides.{x.name}', x, x.all_pins) for x in drawing.slides
         ]
-        given = [{*pins} - {UNKNOWN} for *_, pins in lists if pins is not UNKNOWN]
-        uses = Counter(pin for pins in given for pin in pins)
-        # A pin that several parts have is forgotten rather than misspelt.
-        self._forgotten = [x for x in uses if x not in drawing.pins and uses[x] > 1]
-        self.frame, *others = (self._read(*x) for x in lists)
-        counts = len(drawing.links), len(drawing.slides)
-        self.links, others = others[: counts[0]], others[counts[0] :]
-        self.slides, self.cylinders = others[: counts[1]], others[counts[1] :]
+        self.cylinders = [
+            self._read(f'drawing.cylinders.{x.name}', x, (x.from_, x.to))
+            for x in drawing.cylinders
+        ]
         for name in self._forgotten:
             having = ', '.join(x.label for x in (self.frame, *self.parts) if name in x.pins)
             self.mistakes.append(
@@ -98,10 +94,10 @@ class Outline:
             x.name: self._known(x.on, [body for body in bodies if body != x.name])
             for x in drawing.slides
         }
-        self.is_certain = (
-            bool(self.input) and all(self.guides.values()) and self.frame.is_certain
-            and all(x.is_certain and len(x.pins) >= self.least(x.part) for x in self.parts)
-        )  # fmt: skip
+        has_all_pins = self.frame.is_certain and all(
+            x.is_certain and len(x.pins) >= self.least(x.part) for x in self.parts
+        )
+        self.is_certain = bool(self.input) and all(self.guides.values()) and has_all_pins
 
     @property
     def parts(self) -> list[_Part]:
@@ -150,6 +146,19 @@ class Outline:
         return meant
 
 
+def _forgotten_pins(drawing: Any) -> list[str]:
+    """Returns the pins without a place that several parts have: they are not misspelt."""
+    lists = [
+        drawing.frame,
+        *(x.pins for x in drawing.links),
+        *(x.all_pins for x in drawing.slides),
+        *((x.from_, x.to) for x in drawing.cylinders),
+    ]
+    pins_of_parts = [{*pins} - {UNKNOWN} for pins in lists if pins is not UNKNOWN]
+    uses = Counter(pin for pins in pins_of_parts for pin in pins)
+    return [pin for pin, count in uses.items() if pin not in drawing.pins and count > 1]
+
+
 def mistakes_of(drawing: Any) -> Iterator[str]:
     """Yields the mistakes in a drawing, and in its values that are probably mistakes.
 
@@ -163,10 +172,10 @@ def mistakes_of(drawing: Any) -> Iterator[str]:
     ]  # fmt: skip
     if outline.is_certain:  # else, the pin of another part may be the one that is missing
         checks.append(_loose_parts)
-    found = [problem for find in checks for problem in find(outline)]
-    if found:
-        found += contradictions(drawing)
-    yield from found
+    mistakes = [words for check in checks for words in check(outline)]
+    yield from mistakes
+    if mistakes:
+        yield from contradictions(drawing)
 
 
 def mistakes_of_places(drawing: Any, loads: Any, points: Any) -> Iterator[str]:
@@ -179,24 +188,34 @@ def mistakes_of_places(drawing: Any, loads: Any, points: Any) -> Iterator[str]:
     """
     outline = Outline(drawing)
     for load in () if loads is UNKNOWN else loads:
-        label, kinds = load.label, {x.name: x.metadata.get('quantity') for x in fields(load)}
         if cylinder := getattr(load, 'cylinder', ''):
-            yield from _bad_cylinder_of_load(outline, f'{label}.cylinder', cylinder)
+            yield from _bad_cylinder_of_load(outline, f'{load.label}.cylinder', cylinder)
             continue
+        kinds = {x.name: getattr(x.metadata.get('quantity'), 'kind', '') for x in fields(load)}
         for link, at, pin in (('link', 'at', 'pin'), ('to', 'to_at', 'to_pin')):
-            if (
-                link in kinds and getattr(kinds.get(at), 'kind', '') == 'pair'
-            ):  # a curve has a list
-                name, place = getattr(load, link), getattr(load, at)
-                yield from _bad_place(
-                    outline, (f'{label}.{link}', f'{label}.{at}', pin), name, place,
-                    getattr(load, pin),
-                )  # fmt: skip
+            if link in kinds and kinds.get(at) == 'pair':  # a curve has a list
+                words = _PlaceWords(load.label, link, at, pin)
+                values = (getattr(load, word) for word in (link, at, pin))
+                yield from _bad_place(outline, words, *values)
     for point in () if points is UNKNOWN else points:
-        label = f'points.{point.name}'
-        yield from _bad_place(
-            outline, (f'{label}.link', f'{label}.at', ''), point.link, point.at, ''
-        )
+        words = _PlaceWords(f'points.{point.name}', 'link', 'at', '')
+        yield from _bad_place(outline, words, point.link, point.at, '')
+
+
+class _PlaceWords(NamedTuple):
+    """The parameters of a place of a load or a point.
+
+    Attributes:
+        owner: Name of the load or point.
+        link: Parameter of the link.
+        at: Parameter of the place on it.
+        pin: Parameter of the pin instead; empty if there is none.
+    """
+
+    owner: str
+    link: str
+    at: str
+    pin: str
 
 
 def _bad_cylinder_of_load(outline: Outline, label: str, name: str) -> Iterator[str]:
@@ -212,37 +231,37 @@ def _bad_cylinder_of_load(outline: Outline, label: str, name: str) -> Iterator[s
 
 
 def _bad_place(
-    outline: Outline, labels: tuple[str, str, str], link: str, at: Any, pin: str
+    outline: Outline, words: _PlaceWords, link: str, at: Any, pin: str
 ) -> Iterator[str]:
     """Yields the mistake in a place of a load or a point.
 
     Args:
         outline: The drawing.
-        labels: Names of the parameters of link and place, and the word for a pin.
+        words: The parameters.
         link: Name of the link; empty if there is none.
         at: Place on the link.
         pin: Name of the pin instead; empty if there is none.
     """
-    label, label_at, word = labels
     pins, bodies = outline.drawing.pins, {FRAME_NAME: outline.frame.pins, **outline.bodies}
-    own = '' if word == 'to_pin' and link == FRAME_NAME else link  # the default
-    owners = [name for name, having in bodies.items() if pin in having]
     if pin:
-        label = label_at.replace(label_at.rpartition('.')[2], word)
+        owners = [name for name, having in bodies.items() if pin in having]
+        is_default = words.pin == 'to_pin' and link == FRAME_NAME
+        label = f'{words.owner}.{words.pin}'
         if pin not in pins:
             hint = did_you_mean(pin, pins)
             yield f'{label}: no pin {shown(pin)}; must be one of {listed(pins)}{hint}'
-        elif own and own not in owners and owners:
+        elif link and not is_default and owners and link not in owners:
             yield (
-                f'{label}: no link {shown(own)} at the pin {pin}; must be one of {listed(owners)}'
+                f'{label}: no link {shown(link)} at the pin {pin}; must be one of {listed(owners)}'
             )
     elif link and link not in bodies:
         yield (
-            f'{label} = {shown(link)}: must be one of {listed(bodies)}{did_you_mean(link, bodies)}'
+            f'{words.owner}.{words.link} = {shown(link)}: must be one of '
+            f'{listed(bodies)}{did_you_mean(link, bodies)}'
         )
     elif link and at is None:
-        instead = f', or {word}' if word else ''
-        yield f'{label_at} is missing: give the place on {link} as drawn{instead}'
+        instead = f', or {words.pin}' if words.pin else ''
+        yield (f'{words.owner}.{words.at} is missing: give the place on {link} as drawn{instead}')
 
 
 def contradictions(drawing: Any) -> list[str]:
@@ -250,19 +269,20 @@ def contradictions(drawing: Any) -> list[str]:
     places = {pin: place for pin, place in drawing.pins.items() if place is not UNKNOWN}
     if drawing.units is UNKNOWN or len(places) < 3:
         return []
-    found = _pins_in_another_unit(drawing.units, places)
+    lines = _pins_in_another_unit(drawing.units, places)
     for link in drawing.links:
-        pins = () if link.pins is UNKNOWN else link.pins
-        ends: list[Any] = [places.get(pin) for pin in pins]
-        if link.length in {None, UNKNOWN} or len(ends) != 2 or None in ends:
+        if link.pins is UNKNOWN or len(link.pins) != 2 or link.length in {None, UNKNOWN}:
             continue
-        (one, other), apart = link.pins, math.dist(*ends)
+        one, other = link.pins
+        if one not in places or other not in places:
+            continue
+        apart = math.dist(places[one], places[other])
         if abs(link.length - apart) > _OFF * apart:
-            found.append(
+            lines.append(
                 f'drawing.links.{link.name}.length = {link.length:g}, but {one} and {other} are '
                 f'drawn {apart:.6g} {drawing.units} apart: correct it, or draw them so'
             )
-    return found
+    return lines
 
 
 def _pins_in_another_unit(unit: str, places: Mapping[str, Sequence[float]]) -> list[str]:
@@ -270,23 +290,26 @@ def _pins_in_another_unit(unit: str, places: Mapping[str, Sequence[float]]) -> l
 
     If there are many, they may be right, and another pin wrong; none is returned then.
     """
-    metre = float(UNITS[unit])
     if unit == 'in':  # too near to m: by chance, a right pin may be among the others, too
         return []
-    other, factor = ('mm', float(UNITS['mm'])) if unit == 'm' else ('m', 1 / metre)
-    found = []
+    other, factor = 'm', 1 / float(UNITS[unit])
+    if unit == 'm':
+        other, factor = 'mm', float(UNITS['mm'])
+    lines = []
     for name, place in places.items():
-        rest = [x for pin, x in places.items() if pin != name]
-        low, high = ([end(column) for column in zip(*rest, strict=True)] for end in (min, max))
-        size, meant = math.dist(low, high), [factor * x for x in place]
-        is_alone = _outside(place, low, high) > _FAR * size
-        is_at_origin = factor > 1 and 0 < max(map(abs, place)) < _NEAR * size
-        if (is_alone or is_at_origin) and _outside(meant, low, high) < 0.5 * size:
-            found.append(
+        other_places = [x for pin, x in places.items() if pin != name]
+        columns = [*zip(*other_places, strict=True)]
+        low, high = [*map(min, columns)], [*map(max, columns)]  # the corners of their box
+        size, converted = math.dist(low, high), [factor * x for x in place]
+        is_far = _outside(place, low, high) > _FAR * size
+        is_near_origin = factor > 1 and 0 < max(map(abs, place)) < _NEAR * size
+        fits_converted = _outside(converted, low, high) < 0.5 * size
+        if (is_far or is_near_origin) and fits_converted:
+            lines.append(
                 f'drawing.pins.{name} = [{place[0]:g}, {place[1]:g}] {unit}; did you mean {other} '
-                f'= [{meant[0]:.6g}, {meant[1]:.6g}] {unit}?'
+                f'= [{converted[0]:.6g}, {converted[1]:.6g}] {unit}?'
             )
-    return found if len(found) <= max(1, len(places) // 3) else []
+    return lines if len(lines) <= max(1, len(places) // 3) else []
 
 
 def _outside(place: Sequence[float], low: Sequence[float], high: Sequence[float]) -> float:
@@ -332,33 +355,40 @@ def _bad_lists(outline: Outline) -> Iterator[str]:
 
 
 def _bad_lengths(outline: Outline) -> Iterator[str]:
-    guiding = {on: name for name, on in outline.guides.items()}
+    slide_on = {on: name for name, on in outline.guides.items()}
     for label, link, pins, is_certain in outline.links:
-        why = f'it has {len(pins)} pins' if is_certain and len(pins) > 2 else ''
-        if link.name in guiding:
-            why = f'{guiding[link.name]} slides on it'
-        if why and link.length not in {None, UNKNOWN}:
-            yield (
-                f'{label}.length is for a link of two pins without a slide on it, but {why}: '
-                'leave it out, and draw its pins where they are'
-            )
+        if link.length in {None, UNKNOWN}:
+            continue
+        if link.name in slide_on:
+            why = f'{slide_on[link.name]} slides on it'
+        elif is_certain and len(pins) > 2:
+            why = f'it has {len(pins)} pins'
+        else:
+            continue
+        yield (
+            f'{label}.length is for a link of two pins without a slide on it, but {why}: '
+            'leave it out, and draw its pins where they are'
+        )
 
 
 def _bad_pins(outline: Outline) -> Iterator[str]:
     """Yields the mistakes in the pins themselves."""
     pins, parts = outline.drawing.pins, [outline.frame, *outline.parts]
-    used = {pin for x in parts for pin in x.pins}
-    for pin in sorted({*pins} - used) if all(x.is_certain for x in parts) else ():
-        yield (
-            f'drawing.pins.{pin}: neither the frame nor a link has this pin; add it to one, or '
-            'leave it out'
-        )
-    places = dict[Exact, str]()
-    for pin, pair in pins.items():
-        other = pin if pair is UNKNOWN else places.setdefault(Exact.of(pair), pin)
-        if other != pin:
+    if all(x.is_certain for x in parts):
+        used = {pin for x in parts for pin in x.pins}
+        for pin in sorted({*pins} - used):
             yield (
-                f'drawing.pins.{pin} is at the same place as {other}: write one pin that all '
+                f'drawing.pins.{pin}: neither the frame nor a link has this pin; add it to one, '
+                'or leave it out'
+            )
+    pin_at = dict[Exact, str]()
+    for pin, pair in pins.items():
+        if pair is UNKNOWN:
+            continue
+        first = pin_at.setdefault(Exact.of(pair), pin)
+        if first != pin:
+            yield (
+                f'drawing.pins.{pin} is at the same place as {first}: write one pin that all '
                 'their links share, or draw the machine at another position'
             )
 
@@ -374,9 +404,10 @@ def _bad_slides(outline: Outline) -> Iterator[str]:
         if slide.on is not UNKNOWN and slide.on not in valid:
             hint = did_you_mean(slide.on, valid)
             yield f'{label}.on = {shown(slide.on)}: must be one of {listed(valid)}{hint}'
-        for pin in pins if slide.on == FRAME_NAME else ():
-            if pin in outline.frame.pins:
-                yield f'{label} has the fixed pin {pin}: take {pin} out of drawing.frame'
+        if slide.on == FRAME_NAME:
+            for pin in pins:
+                if pin in outline.frame.pins:
+                    yield f'{label} has the fixed pin {pin}: take {pin} out of drawing.frame'
 
 
 def _bad_cylinders(outline: Outline) -> Iterator[str]:
@@ -444,23 +475,27 @@ def _rigid_pairs(outline: Outline) -> Iterator[str]:
 
 def _loose_parts(outline: Outline) -> Iterator[str]:
     """Yields a message for each part that fewer than two joints hold."""
-    moving, held = [*outline.links, *outline.slides], {*outline.frame.pins}
-    held |= {pin for x in moving for pin in x.pins}
+    moving = [*outline.links, *outline.slides]
+    joinable = {pin for x in (outline.frame, *moving) for pin in x.pins}
     for label, _, pins, _ in outline.cylinders:
-        for pin in (x for x in pins if x not in held):
-            yield f'{label}: no link has its pin {pin}; add it to a link or to drawing.frame'
+        for pin in pins:
+            if pin not in joinable:
+                yield f'{label}: no link has its pin {pin}; add it to a link or to drawing.frame'
     driven = [x for x in outline.cylinders if x.part.name == outline.input]
     counts = Counter(pin for x in (outline.frame, *moving, *driven) for pin in x.pins)
+    guides = [*outline.guides.values()]
     for label, part, pins, _ in moving:
         joined = [pin for pin in pins if counts[pin] > 1]
-        single = [pin for pin in pins if pin not in joined]
+        single = [pin for pin in pins if counts[pin] == 1]
         slides = part.name in outline.guides
-        joints = len(joined) + slides + [*outline.guides.values()].count(part.name)
-        if joints < 2:
-            how = 'by its line alone' if slides else 'nowhere'
-            how = f'at {joined[0]} alone' if joined else how
-            yield (
-                f'{label} is joined to the others {how}: no other link has its '
-                f'{" or ".join(single)}; add {"it" if len(single) == 1 else "one"} to another '
-                'link or to drawing.frame, or leave this one out'
-            )
+        joints = len(joined) + (1 if slides else 0) + guides.count(part.name)
+        if joints > 1:
+            continue
+        where = f'at {joined[0]} alone' if joined else 'nowhere'
+        if slides and not joined:
+            where = 'by its line alone'
+        yield (
+            f'{label} is joined to the others {where}: no other link has its '
+            f'{" or ".join(single)}; add {"it" if len(single) == 1 else "one"} to another '
+            'link or to drawing.frame, or leave this one out'
+        )

@@ -6,8 +6,9 @@ The loop of the input becomes the mechanism; each further pair of bodies that is
 before becomes a dyad.
 """
 
+import functools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from fractions import Fraction
 from typing import Any, NamedTuple, cast
@@ -19,6 +20,7 @@ from linkage_ros.mechanism.dyads import Dyad, DyadSlider
 from linkage_ros.mechanism.exact import UNITS, Exact, over_root
 from linkage_ros.mechanism.four_bar import FourBar
 from linkage_ros.mechanism.inverted_slider_crank import CYLINDER, InvertedSliderCrank
+from linkage_ros.mechanism.kinematics import Pose
 from linkage_ros.mechanism.parts import (
     CROSSED,
     FRAME_NAME,
@@ -57,19 +59,24 @@ class _Body(NamedTuple):
         pins: Names of its pins.
         part: Mass of the body, and length if given.
         on: Body with the line on which it slides, or 'frame'; empty for a link.
-        way: Direction of the line as drawn.
+        direction: Direction of the line as drawn.
     """
 
     name: str
     pins: tuple[str, ...]
     part: Any
     on: str = ''
-    way: Exact = Exact(Fraction(1), Fraction(0))
+    direction: Exact = Exact(Fraction(1), Fraction(0))
 
 
 def _across(pin: str, link: _Body, slide: _Body) -> str:
     """Returns in words that a link is at right angles to the line of a slide."""
     return f'at {pin}, {link.name} is at right angles to the line of {slide.name}'
+
+
+def _along(direction: Exact, arm: Exact) -> Exact:
+    """Returns a direction, reversed if it points against an arm."""
+    return Exact(-direction.x, -direction.y) if arm.dot(direction) < 0 else direction
 
 
 class _Base(NamedTuple):
@@ -109,13 +116,13 @@ class _Axes(NamedTuple):
 
     Attributes:
         start: Origin of the axes, where the body is carried.
-        way: Direction of the first axis.
+        direction: Direction of the first axis.
         end: Pin on the first axis, at the body's length; empty if there is none.
         length: This length, m.
     """
 
     start: Exact
-    way: Exact
+    direction: Exact
     end: str = ''
     length: float = 0.0
 
@@ -145,9 +152,9 @@ class Conversion:
         for cylinder in drawing.cylinders:
             if cylinder.name == drawing.input:
                 barrel, rod = f'{cylinder.name}_barrel', f'{cylinder.name}_rod'
-                way = self.at[cylinder.to].minus(self.at[cylinder.from_])
+                direction = self.at[cylinder.to].minus(self.at[cylinder.from_])
                 self.bodies[barrel] = _Body(barrel, (cylinder.from_,), cylinder.barrel)
-                self.bodies[rod] = _Body(rod, (cylinder.to,), cylinder.rod, barrel, way)
+                self.bodies[rod] = _Body(rod, (cylinder.to,), cylinder.rod, barrel, direction)
         self.origin = Exact(Fraction(0), Fraction(0))
         self.axes: dict[str, _Axes] = {}
 
@@ -206,18 +213,13 @@ class Conversion:
 
     def loops_of(self, crank: _Body, coupler: _Body, A0: str, A: str) -> Iterator[_Base]:
         """Yields the loops of a crank and a body that is pinned to it at A."""
-        sliding = (
-            [(coupler.on, coupler)]
-            if coupler.on
-            else [
-                (block.name, coupler) for block in self.bodies.values() if block.on == coupler.name
-            ]
-        )
-        for name, rod in sliding:
-            if name in self.bodies:
-                barrel = self.bodies[name]
-                for B0 in self.pivots(barrel, A0):
-                    yield _Base(InvertedSliderCrank, (crank, barrel, rod), (A0, A, B0))
+        if coupler.on:
+            partners = [self.bodies[coupler.on]] if coupler.on in self.bodies else []
+        else:
+            partners = [block for block in self.bodies.values() if block.on == coupler.name]
+        for barrel in partners:
+            for B0 in self.pivots(barrel, A0):
+                yield _Base(InvertedSliderCrank, (crank, barrel, coupler), (A0, A, B0))
         if not coupler.on:
             yield from self.closed_by_pin(crank, coupler, A0, A)
 
@@ -269,7 +271,11 @@ class Conversion:
         return tuple((pin, complex(*self.at[pin].rounded)) for pin in pins)
 
     def preference(self, driven: _Body, base: _Base) -> tuple[Any, ...]:
-        """Returns the key by which the loops are sorted, the best first."""
+        """Returns the key by which the loops are sorted, the best first.
+
+        The best have a slide on a moving link, then a change point, then the driven body's first
+        pin; the others are sorted by names.
+        """
         has_change_point = False
         if base.kind is not InvertedSliderCrank:
             try:
@@ -277,13 +283,13 @@ class Conversion:
             except (ConfigurationError, MechanismError):
                 reach = None
             has_change_point = reach is not None and reach.has_change_point
-        near = base.pins[1] if not driven.on else base.pins[2]
-        names = [body.name for body in base.bodies]
+        pin = base.pins[2] if driven.on else base.pins[1]
+        _, *others = base.bodies
         return (
             base.kind is not InvertedSliderCrank,
             not has_change_point,
-            driven.pins.index(near) if near in driven.pins else 0,
-            *names[1:],
+            driven.pins.index(pin) if pin in driven.pins else 0,
+            *(body.name for body in others),
             *base.pins,
         )
 
@@ -330,17 +336,17 @@ class Conversion:
         """Returns what a loop with a slide on the frame adds to its crank."""
         (_, A, B), (crank, coupler, slide) = base.pins, base.bodies
         self.turn(coupler, A, B)
-        way = slide.way
-        self.axes[slide.name] = _Axes(self.at[B], way)
-        offset = over_root(way.cross(self.at[B]), way.dot(way))
+        direction = slide.direction
+        self.axes[slide.name] = _Axes(self.at[B], direction)
+        offset = over_root(direction.cross(self.at[B]), direction.dot(direction))
         parts = {
             'coupler': self.body(coupler, Coupler),
             'slider': Slider(offset, slide.part.mass),
-            'frame': Guide(way.angle),
+            'frame': Guide(direction.angle),
         }
         if self.drawing.input != slide.name:
             return _Loop(parts, {'B': B}, self.at[A].angle, _across(B, coupler, slide))
-        position = over_root(way.dot(self.at[B]), way.dot(way))
+        position = over_root(direction.dot(self.at[B]), direction.dot(direction))
         untold = f'{crank.name} and {coupler.name} are in line at {A}'
         return _Loop({**parts, 'input': SLIDER}, {'B': B}, position, untold)
 
@@ -348,16 +354,15 @@ class Conversion:
         """Returns what a loop with a slide on a moving link adds to its crank."""
         (A0, A, B0), (crank, barrel, rod) = base.pins, base.bodies
         slide = barrel if barrel.on else rod  # each may be drawn as the body that slides
-        arm, way = self.at[A].minus(self.at[B0]), slide.way
-        if arm.dot(way) < 0:  # the rod's position is positive as drawn
-            way = Exact(-way.x, -way.y)
-        self.axes[barrel.name] = _Axes(self.at[B0], way)
-        self.axes[rod.name] = _Axes(self.at[A], way)
+        arm = self.at[A].minus(self.at[B0])
+        direction = _along(slide.direction, arm)  # the rod's position is positive as drawn
+        self.axes[barrel.name] = _Axes(self.at[B0], direction)
+        self.axes[rod.name] = _Axes(self.at[A], direction)
         parts = {
             'barrel': self.mass(barrel, Barrel),
             'rod': self.mass(rod, Rod),
             'frame': Frame(self.at[B0].length, self.at[B0].angle),
-            'offset': over_root(way.cross(arm), way.dot(way)),
+            'offset': over_root(direction.cross(arm), direction.dot(direction)),
         }
         pins = {'B0': B0, 'E': f'{barrel.name}_mouth'}
         # A slide, unlike a cylinder, is drawn as a block.
@@ -366,7 +371,7 @@ class Conversion:
         if self.drawing.input == crank.name:
             untold = f'the line of {slide.name} is at right angles to that from {B0} to {A}'
             return _Loop(parts, pins, self.at[A].angle, untold, block)
-        position = over_root(way.dot(arm), way.dot(way))
+        position = over_root(direction.dot(arm), direction.dot(direction))
         untold = f'{A0}, {A} and {B0} are in line'
         return _Loop({**parts, 'input': CYLINDER}, pins, position, untold, block)
 
@@ -381,33 +386,41 @@ class Conversion:
         Raises:
             ConfigurationError: The drawing does not show the assembly.
         """
-        found = list[tuple[float, Any]]()
-        position = parts['drawn'].position
-        names = parts['drawn'].links
-        for assembly in (OPEN, CROSSED):
-            if kind is InvertedSliderCrank and 'input' not in parts and assembly != OPEN:
-                continue
-            mechanism = kind(assembly=assembly, **parts)
+        is_driven_by_crank = kind is InvertedSliderCrank and 'input' not in parts
+        assemblies = [OPEN] if is_driven_by_crank else [OPEN, CROSSED]
+        drawn: Drawn = parts['drawn']
+        candidates = list[tuple[float, Mechanism]]()
+        for assembly in assemblies:
+            mechanism: Mechanism = kind(assembly=assembly, **parts)
             try:
-                pose = mechanism.loop().pose((position,))
+                pose = mechanism.loop().pose((drawn.position,))
             except UnreachableError:
                 continue
-            off = 0.0
-            for name, link in zip(names, pose.links, strict=True):
-                way, axis = link.direction, self.axes[name].way
-                off += abs(complex(way.x, way.y) - complex(*axis.rounded) / axis.length)
             (sine,) = pose.sines
             if abs(sine) > _LEAST_SINE:
-                found.append((off, mechanism))
-        lengths = [x for x in names if getattr(self.bodies[x].part, 'length', None) is not None]
-        if not found and lengths:
+                candidates.append((self.turned_by(pose, drawn.links), mechanism))
+        if candidates:
+            _, nearest = min(candidates, key=lambda candidate: candidate[0])
+            return nearest
+        lengths = [
+            x for x in drawn.links if getattr(self.bodies[x].part, 'length', None) is not None
+        ]
+        if lengths:
             raise ConfigurationError(
-                f'with the length given for {" and ".join(lengths)}, {listed(names)} do not close '
-                'where they are drawn; correct length, or draw the machine at another position'
+                f'with the length given for {" and ".join(lengths)}, {listed(drawn.links)} do not '
+                'close where they are drawn; correct length, or draw the machine at another '
+                'position'
             )
-        if not found:
-            raise ConfigurationError(_untold(untold))
-        return cast('Mechanism', min(found, key=lambda pair: pair[0])[1])
+        raise ConfigurationError(_untold(untold))
+
+    def turned_by(self, pose: Pose, names: Sequence[str]) -> float:
+        """Returns how far the directions of links are from the drawn ones, added up."""
+        distance = 0.0
+        for name, link in zip(names, pose.links, strict=True):
+            axis = self.axes[name].direction
+            drawn = complex(*axis.rounded) / axis.length
+            distance += abs(complex(link.direction.x, link.direction.y) - drawn)
+        return distance
 
     # ------------------------------------------------------------ dyads
 
@@ -417,34 +430,45 @@ class Conversion:
         Raises:
             ConfigurationError: Known bodies hold a body fast.
         """
-        ready = list[tuple[str, Any]]()
-        for name, body in waiting.items():
+        ready = dict[str, Callable[[], Dyad]]()
+        for body in waiting.values():
             held = [pin for pin in body.pins if self.carrier(pin)]
             if len(held) > 1 or (held and body.on and self.is_known(body.on)):
                 raise ConfigurationError(self.rigid(body, held))
             for other in waiting.values():
-                if other.name != name:
-                    ready += self.pairs(body, other, held)
-        if not ready:
-            return None
-        (_, make), *_ = sorted(ready, key=lambda pair: pair[0])
-        return cast('Dyad', make())
+                name = f'{body.name}__{other.name}'
+                make = self.dyad_of(name, body, other, held) if other is not body else None
+                if make:
+                    ready[name] = make
+        return ready[min(ready)]() if ready else None
 
-    def pairs(self, first: _Body, last: _Body, held: list[str]) -> Iterator[tuple[str, Any]]:
-        """Yields the name of the dyad of two bodies, if it is one, and a function to make it."""
-        common = [pin for pin in first.pins if pin in last.pins and not self.carrier(pin)]
-        name = f'{first.name}__{last.name}'
-        ends = [pin for pin in last.pins if self.carrier(pin)]
+    def dyad_of(
+        self, name: str, first: _Body, last: _Body, held: list[str]
+    ) -> Callable[[], Dyad] | None:
+        """Returns the function that makes the dyad of two bodies; None if they are none.
+
+        Args:
+            name: Name of the dyad.
+            first: The first body.
+            last: The second one.
+            held: The pins at which known bodies hold the first one.
+        """
         if len(held) != 1 or first.on:
-            return
+            return None
         (start,) = held
+        common = [pin for pin in first.pins if pin in last.pins and not self.carrier(pin)]
+        ends = [pin for pin in last.pins if self.carrier(pin)]
         if last.on == first.name and len(ends) == 1:
-            yield name, lambda: self.with_rod(name, first, last, ends[0], start)
-        elif len(common) == 1 and last.on and not ends and self.is_known(last.on):
-            yield name, lambda: self.with_slider(name, first, last, start, common[0])
-        elif len(common) == len(ends) == 1 and not last.on and first.name < last.name:
-            pins = start, common[0], ends[0]
-            yield name, lambda: self.with_two_links(name, (first, last), pins)
+            return functools.partial(self.with_rod, name, first, last, ends[0], start)
+        if len(common) != 1:
+            return None
+        (joint,) = common
+        if last.on and not ends and self.is_known(last.on):
+            return functools.partial(self.with_slider, name, first, last, start, joint)
+        if not last.on and len(ends) == 1 and first.name < last.name:
+            pins = start, joint, ends[0]
+            return functools.partial(self.with_two_links, name, (first, last), pins)
+        return None
 
     def with_two_links(
         self, name: str, links: tuple[_Body, _Body], pins: tuple[str, str, str]
@@ -457,15 +481,16 @@ class Conversion:
         from_at, to_at = self.local(from_, start), self.local(to, end)
         self.turn(first, start, joint)
         self.turn(last, end, joint)
-        apart, near = self.at[end].minus(self.at[start]), self.at[joint].minus(self.at[start])
-        far = self.at[joint].minus(self.at[end])
+        apart = self.at[end].minus(self.at[start])
+        of_first, of_last = (self.at[joint].minus(self.at[pin]) for pin in (start, end))
         self.require_side(
-            near.cross(far), near, far, f'{first.name} and {last.name} are in line at {joint}'
-        )
+            of_first.cross(of_last), of_first, of_last,
+            f'{first.name} and {last.name} are in line at {joint}',
+        )  # fmt: skip
         return Dyad(
             name=name, from_=from_, from_at=from_at, to=to, to_at=to_at,
             first=self.body(first), second=self.body(last),
-            assembly=OPEN if apart.cross(near) > 0 else CROSSED,
+            assembly=OPEN if apart.cross(of_first) > 0 else CROSSED,
             names=(first.name, last.name, *joints),
         )  # fmt: skip
 
@@ -473,27 +498,30 @@ class Conversion:
         """Returns a dyad of a link and a slide on a known body."""
         self.require_motion((first, last), (start, joint))
         joints = (self.joint(start, first), joint)
-        from_, from_at = self.carrier(start), self.local(self.carrier(start), start)
+        from_ = self.carrier(start)
+        from_at = self.local(from_, start)
         self.turn(first, start, joint)
-        guide, way, line = self.axes.get(last.on), last.way, self.at[last.pins[0]]
-        origin = Exact(Fraction(0), Fraction(0)) if guide is None else guide.start
-        if guide is not None and line.minus(origin).dot(way) < 0:
-            way = Exact(-way.x, -way.y)
-        near = self.at[joint].minus(self.at[start])
-        self.require_side(near.dot(way), near, way, _across(joint, first, last))
-        zero = origin.foot(line, way).plus(self.at[joint].minus(line))
-        self.axes[last.name] = _Axes(self.at[joint], way)
-        at, angle = zero.rounded, way.angle
-        inertia: Any = None
-        center: Any = None
+        guide, direction, on_line = self.axes.get(last.on), last.direction, self.at[last.pins[0]]
+        origin = Exact(Fraction(0), Fraction(0))  # from which positions are measured
         if guide is not None:
-            at = self.in_axes(guide, zero)
-            angle = math.atan2(float(guide.way.cross(way)), float(guide.way.dot(way)))
-            inertia, center = last.part.inertia, self.center(last)
+            origin = guide.start
+            direction = _along(direction, on_line.minus(origin))
+        of_first = self.at[joint].minus(self.at[start])
+        side = of_first.dot(direction)
+        self.require_side(side, of_first, direction, _across(joint, first, last))
+        # The path of the joint is parallel to the line, which is drawn through the first pin.
+        zero = origin.foot(on_line, direction).plus(self.at[joint].minus(on_line))
+        self.axes[last.name] = _Axes(self.at[joint], direction)
+        slider = DyadSlider(last.part.mass, zero.rounded, direction.angle, last.on)
+        if guide is not None:
+            cosine, sine = guide.direction.dot(direction), guide.direction.cross(direction)
+            slider = DyadSlider(
+                last.part.mass, self.in_axes(guide, zero), math.atan2(float(sine), float(cosine)),
+                last.on, last.part.inertia, self.center(last),
+            )  # fmt: skip
         return Dyad(
-            name=name, from_=from_, from_at=from_at, first=self.body(first),
-            slider=DyadSlider(last.part.mass, at, angle, last.on, inertia, center),
-            assembly=OPEN if near.dot(way) > 0 else CROSSED,
+            name=name, from_=from_, from_at=from_at, first=self.body(first), slider=slider,
+            assembly=OPEN if side > 0 else CROSSED,
             names=(first.name, last.name, *joints),
         )  # fmt: skip
 
@@ -503,19 +531,18 @@ class Conversion:
         joints = self.joint(start, rod), self.joint(end, barrel)
         from_, to = self.carrier(start), self.carrier(end)
         from_at, to_at = self.local(from_, start), self.local(to, end)
-        arm, way = self.at[start].minus(self.at[end]), rod.way
-        if arm.dot(way) < 0:
-            way = Exact(-way.x, -way.y)
+        arm = self.at[start].minus(self.at[end])
+        direction = _along(rod.direction, arm)
         self.require_side(
-            arm.dot(way), arm, way,
+            arm.dot(direction), arm, direction,
             f'the line of {rod.name} is at right angles to that from {end} to {start}',
         )  # fmt: skip
-        self.axes[barrel.name] = _Axes(self.at[end], way)
-        self.axes[rod.name] = _Axes(self.at[start], way)
+        self.axes[barrel.name] = _Axes(self.at[end], direction)
+        self.axes[rod.name] = _Axes(self.at[start], direction)
         return Dyad(
             name=name, from_=from_, from_at=from_at, to=to, to_at=to_at,
             barrel=self.mass(barrel, Barrel), rod=self.mass(rod, Rod),
-            offset=over_root(way.cross(arm), way.dot(way)),
+            offset=over_root(direction.cross(arm), direction.dot(direction)),
             names=(barrel.name, rod.name, *joints),
         )  # fmt: skip
 
@@ -539,20 +566,17 @@ class Conversion:
         Raises:
             ConfigurationError: There are others, so that nothing can move.
         """
-        names = [body.name for body in bodies]
         for body in bodies:
             for pin in body.pins:
                 others = [x.name for x in bodies if pin in x.pins and x.name != body.name]
-                others += [self.carrier(pin)] if self.carrier(pin) else []
-                if len(others) > (pin in joints):
+                if carrier := self.carrier(pin):
+                    others.append(carrier)
+                most = 1 if pin in joints else 0
+                if len(others) > most:
                     held = ', '.join(x for x in body.pins if x in joints and x != pin)
                     raise ConfigurationError(self.locked(body, held, pin, others[-1]))
-        sliding = [
-            body
-            for body in self.bodies.values()
-            if (body.name in names and (body.on in names or self.is_known(body.on)))
-            or (body.on in names and self.is_known(body.name))
-        ]
+        names = [body.name for body in bodies]
+        sliding = [body for body in self.bodies.values() if self.slides_among(body, names)]
         # A loop has four joints, a dyad three.
         if len(joints) + len(sliding) > len(bodies) + 1:
             lines = ' and '.join(f'{body.name} slides on {body.on}' for body in sliding)
@@ -560,6 +584,12 @@ class Conversion:
                 f'{lines}, while {listed(names)} are joined at {", ".join(joints)}, so that '
                 f'nothing can move; leave out one of the slides, or a pin; {self.freedom()}'
             )
+
+    def slides_among(self, body: _Body, names: Sequence[str]) -> bool:
+        """Returns whether a body slides on another; both are named, or one is known instead."""
+        if body.name in names:
+            return body.on in names or self.is_known(body.on)
+        return body.on in names and self.is_known(body.name)
 
     # ------------------------------------------------------------ bodies and pins
 
@@ -582,16 +612,16 @@ class Conversion:
 
     def turn(self, body: _Body, start: str, end: str) -> None:
         """Notes the axes of a link that is carried at one pin and closes its group at another."""
-        way = self.at[end].minus(self.at[start])
+        direction = self.at[end].minus(self.at[start])
         given = getattr(body.part, 'length', None)
-        length = way.length if given is None else float(Fraction(repr(given)) * self.unit)
-        self.axes[body.name] = _Axes(self.at[start], way, end, length)
+        length = direction.length if given is None else float(Fraction(repr(given)) * self.unit)
+        self.axes[body.name] = _Axes(self.at[start], direction, end, length)
 
     def in_axes(self, axes: _Axes, place: Exact) -> tuple[float, float]:
         """Returns a place [along, across] in the axes of a body, m."""
-        apart, way = place.minus(axes.start), axes.way
-        square = way.dot(way)
-        return over_root(apart.dot(way), square), over_root(way.cross(apart), square)
+        apart, direction = place.minus(axes.start), axes.direction
+        square = direction.dot(direction)
+        return over_root(apart.dot(direction), square), over_root(direction.cross(apart), square)
 
     def local(self, body: str, pin: str) -> tuple[float, float]:
         """Returns a pin [along, across] on a body, m; on the frame in base_link."""
@@ -635,75 +665,92 @@ class Conversion:
 
     def as_solved(self, load: Any) -> Any:
         """Returns a load or a point with its places in the axes of its links, not as drawn."""
+        if getattr(load, 'cylinder', ''):
+            load = self.between_pins(load)
         kinds = {x.name: getattr(x.metadata.get('quantity'), 'kind', '') for x in fields(load)}
-        if cylinder := getattr(load, 'cylinder', ''):
-            (given,) = (x for x in self.drawing.cylinders if x.name == cylinder)
-            pins = given.from_, given.to
-            if pins[0] in self.drawing.frame:
-                pins = pins[1], pins[0]
-            load = replace(load, cylinder='', pin=pins[0], to_pin=pins[1], to=FRAME_NAME)
         changes: dict[str, Any] = {}
         for link, at, pin in (('link', 'at', 'pin'), ('to', 'to_at', 'to_pin')):
-            if link not in kinds or kinds.get(at) != 'pair':  # a curve has a list
+            has_place = link in kinds and kinds.get(at) == 'pair'  # a curve has a list
+            if not has_place:
                 continue
             name = getattr(load, link)
             if given_pin := getattr(load, pin, ''):
-                own = '' if link == 'to' and name == FRAME_NAME else name
+                is_default = link == 'to' and name == FRAME_NAME
+                own = '' if is_default else name
                 changes[link], changes[at] = self.place_of_pin(given_pin, own)
                 changes[pin] = ''
             elif name:
                 changes[at] = self.place(name, getattr(load, at))
         return replace(load, **changes) if changes else load
 
+    def between_pins(self, load: Any) -> Any:
+        """Returns the load of a cylinder as one between its pins, a moving one first."""
+        (cylinder,) = (x for x in self.drawing.cylinders if x.name == load.cylinder)
+        pin, to_pin = cylinder.from_, cylinder.to
+        if pin in self.drawing.frame:
+            pin, to_pin = to_pin, pin
+        return replace(load, cylinder='', pin=pin, to_pin=to_pin, to=FRAME_NAME)
+
     # ------------------------------------------------------------ refusals
 
     def no_base(self, driven: _Body) -> str:
         """Explains why the input is in no loop that can be the mechanism."""
-        fixed = self.pivots(driven)
         what = f'drawing.input = {shown(self.drawing.input)}'
+        fixed, guide = self.pivots(driven), self.bodies.get(driven.on)
         if not driven.on and len(fixed) != 1:
             pins = ' and '.join(fixed) or 'no fixed pin'
             return (
                 f'{what}: it must turn about exactly one fixed pin, and has {pins}; correct '
                 'drawing.frame, or choose another input'
             )
-        guide = self.bodies.get(driven.on)
         if guide and not (fixed or self.pivots(guide)):
             return (
                 f'{what}: both of its ends are on moving links; what drives must be held by a '
                 'fixed pin, so add one of its pins to drawing.frame, or choose another input'
             )
-        if driven.on == FRAME_NAME:
-            for other in (x for pin in driven.pins for x in self.at_pin(pin, driven)):
-                ends = [x for pin in other.pins for x in self.at_pin(pin, driven, other)]
-                if second := next((x.name for x in ends if x.on == FRAME_NAME), ''):
-                    return (
-                        f'{other.name} joins the slides {driven.name} and {second}: two slides on '
-                        f'the frame are not supported; a long link instead of {second}, on a pin '
-                        'of the frame far away, comes near its motion'
-                    )
+        return self.two_slides(driven) or self.wrong_neighbour(driven) or (
+            f'{what}: it is in no loop of four links, or of three and a slide, that returns to '
+            f'the frame at another pin, so that its motion does not follow link by link; '
+            f'compare drawing.frame and the pins of {listed(self.bodies)}, or drive another '
+            f'link; {self.freedom()}'
+        )  # fmt: skip
+
+    def two_slides(self, driven: _Body) -> str:
+        """Explains that a link joins the driven slide to another slide on the frame; or ''."""
+        if driven.on != FRAME_NAME:
+            return ''
+        for other in (x for pin in driven.pins for x in self.at_pin(pin, driven)):
+            ends = [x for pin in other.pins for x in self.at_pin(pin, driven, other)]
+            second = next((x.name for x in ends if x.on == FRAME_NAME), '')
+            if second:
+                return (
+                    f'{other.name} joins the slides {driven.name} and {second}: two slides on '
+                    f'the frame are not supported; a long link instead of {second}, on a pin '
+                    'of the frame far away, comes near its motion'
+                )
+        return ''
+
+    def wrong_neighbour(self, driven: _Body) -> str:
+        """Explains that a body at a pin of the driven link closes no loop; or ''."""
+        fixed = self.pivots(driven)
         for pin, other in self.pinned_to(driven):
             if other.on == FRAME_NAME:
                 return (
                     f'{other.name} slides on the frame and has the pin {pin} of {driven.name}, so '
                     f'that neither can move; if it slides in a slot of a link, write on: LINK'
                 )
-            if tied := self.pivots(other, *fixed):
+            if other_fixed := self.pivots(other, *fixed):
                 return (
-                    f'{other.name} joins {driven.name} at {pin} to the fixed pin {tied[0]}, '
-                    'so that neither can move; correct the pins of one, or drawing.frame'
+                    f'{other.name} joins {driven.name} at {pin} to the fixed pin '
+                    f'{other_fixed[0]}, so that neither can move; correct the pins of one, or '
+                    'drawing.frame'
                 )
             if other.on in self.bodies and self.bodies[other.on].on:
                 return (
                     f'{other.name} slides on {other.on}, which slides too: a Scotch yoke is not '
                     f'supported; a long link from {pin} to {other.on} comes near its motion'
                 )
-        return (
-            f'{what}: it is in no loop of four links, or of three and a slide, that returns to '
-            f'the frame at another pin, so that its motion does not follow link by link; '
-            f'compare drawing.frame and the pins of {listed(self.bodies)}, or drive another '
-            f'link; {self.freedom()}'
-        )
+        return ''
 
     def pinned_to(self, driven: _Body) -> list[tuple[str, _Body]]:
         """Returns the bodies at the pins of a link, each after its pin; none of a slide."""
