@@ -3,12 +3,12 @@
 """Creates a validated configuration from the parameters of a node, a file or a log."""
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from linkage_ros.errors import (
     MOST_LISTED,
@@ -196,20 +196,18 @@ class Configuration:
         names = ', '.join(linkage.name for linkage in self.linkages)
         if not names:
             raise ConfigurationError(f'{shown(name)}: there is one linkage, which has no name')
-        told = f'{shown(name)} is not one of them' if name else 'give one of them as linkage'
-        raise ConfigurationError(f'the linkages are {names}: {told}')
+        problem = f'{shown(name)} is not one of them' if name else 'choose one by its name'
+        raise ConfigurationError(f'the linkages are {names}: {problem}')
 
     def parameters(self) -> dict[str, object]:
         """Returns the values of all parameters by full name, including defaults."""
-        found = dict(self.shared)
+        values = dict(self.shared)
         for linkage in self.linkages:
             prefix = prefix_of(linkage.name, '.')
-            found |= {
-                f'{prefix}{name}': value
-                for name, value in linkage.parameters().items()
-                if not linkage.name or name in self.own[linkage.name]
-            }
-        return found
+            for name, value in linkage.parameters().items():
+                if not linkage.name or name in self.own[linkage.name]:
+                    values[f'{prefix}{name}'] = value
+        return values
 
     def leaves(self) -> dict[str, Leaf]:
         """Returns the parameters that a run with these linkages may have, by full name."""
@@ -248,20 +246,20 @@ def configure(values: Mapping[str, object], *, checks_drive: bool = True) -> Con
     given = without_ros_parameters(values)
     names = linkage_names(given)
     top, own = split(given, names)
-    found, errors = list[Linkage](), dict[str, ConfigurationError]()
+    linkages, errors = list[Linkage](), dict[str, ConfigurationError]()
     for name in names:
-        prefix = {'joint_prefix': f'{name}_'} if name else {}
+        default_prefix = {'joint_prefix': f'{name}_'} if name else {}
+        of_linkage = {**default_prefix, **top, **own[name]}
         try:
-            own_values = {**prefix, **top, **own[name]}
-            found.append(_configured(name, own_values, checks_drive=checks_drive))
+            linkages.append(_configured(name, of_linkage, checks_drive=checks_drive))
         except ConfigurationError as error:
             errors[name] = error
     _check(errors, names)
     if names == ('',):
-        return Configuration((found[0],))
-    _require_compatible(found)
-    shared, below = shared_by_all({x.name: x.parameters() for x in found}, top, own)
-    return Configuration(tuple(found), shared, below)
+        return Configuration((linkages[0],))
+    _require_compatible(linkages)
+    shared, below = shared_by_all({x.name: x.parameters() for x in linkages}, top, own)
+    return Configuration(tuple(linkages), shared, below)
 
 
 def _check(errors: Mapping[str, ConfigurationError], names: Sequence[str]) -> None:
@@ -296,53 +294,96 @@ def _configured(name: str, given: Mapping[str, object], *, checks_drive: bool) -
     can_drive = not mistakes
     given, valid = _without_kindless(given, kind, mistakes)
     given = _with_known_names(given, kind, [leaf.name for leaf in valid], mistakes)
-    chosen = {**preset, **given}
-    is_known = not any(value is UNKNOWN for value in given.values())
-    # Each is None only after a mistake.
-    made: Any = None
-    mechanism: Any = None
-    drive: Any = None
-    session: Any = None
-    joints = dict[str, JointSettings]()
-    with mistakes:
-        made = build(MECHANISMS[kind.mechanism], chosen)
-        mechanism = made.converted() if is_known else None
-    if mechanism is None and is_known:
-        made, mechanism = _without_loads(kind, chosen, mistakes)
-    if mechanism is not None and mechanism.drawn:
-        chosen = {'crank_angle': mechanism.drawn.crank_angle, **chosen}
-    if can_drive:
-        with mistakes:
-            drive = build(DRIVES[kind.drive], chosen)
-    with mistakes:
-        session = build(Session, chosen)
-    with mistakes:
-        joints = build_joints(given)
-    if mistakes and mechanism and drive and not drive.is_integrated:
-        with mistakes, made.suspicion():
-            drive.check(mechanism)
+    parts = _built_parts(kind, {**preset, **given}, mistakes, can_drive=can_drive)
     mistakes.check()
     if is_preset:
-        _require_harmless(drive)
-    found = Linkage(
+        _require_harmless(parts.drive)
+    linkage = Linkage(
         kind,
-        mechanism,
-        drive,
-        session,
-        joints,
-        drawn_mechanism=None if made is mechanism else made,
+        parts.mechanism,
+        parts.drive,
+        parts.session,
+        parts.joints,
+        drawn_mechanism=None if parts.made is parts.mechanism else parts.made,
         name=name,
     )
-    session.require_names(mechanism, found.robot_joints)
-    _require_frame_joint(found)
-    if drive.is_integrated and '' in {joint.name for joint in found.robot_joints}:
+    linkage.session.require_names(linkage.mechanism, linkage.robot_joints)
+    _require_frame_joint(linkage)
+    if linkage.drive.is_integrated and '' in {joint.name for joint in linkage.robot_joints}:
         raise ConfigurationError(
             "joints: a name is '', but with drive: torque each joint must be published, because a "
             'log of it could not be verified'
         )
     if checks_drive:
-        found.check_drive()
-    return found
+        linkage.check_drive()
+    return linkage
+
+
+class _Parts(NamedTuple):
+    """The parts of a linkage; None where there is a mistake.
+
+    Attributes:
+        made: The mechanism as it is given, such as a `DrawnMechanism`.
+        mechanism: The mechanism after its conversion.
+        drive: The drive.
+        session: The session.
+        joints: The settings of joints, by link.
+    """
+
+    made: Any
+    mechanism: Any
+    drive: Any
+    session: Any
+    joints: Any
+
+
+def _built_parts(
+    kind: MechanismAndDrive, values: Mapping[str, object], mistakes: Mistakes, *, can_drive: bool
+) -> _Parts:
+    """Builds the parts of a linkage, and collects their mistakes.
+
+    Args:
+        kind: The kinds of mechanism and drive.
+        values: Values by dotted name; UNKNOWN where a name has a mistake.
+        mistakes: Collects the mistakes.
+        can_drive: Whether the mechanism can have the drive.
+    """
+    made, mechanism = _built_mechanism(kind, values, mistakes)
+    if mechanism is not None and mechanism.drawn:
+        values = {'crank_angle': mechanism.drawn.crank_angle, **values}
+    drive: Any = None
+    session: Any = None
+    joints: Any = None
+    if can_drive:
+        with mistakes:
+            drive = build(DRIVES[kind.drive], values)
+    with mistakes:
+        session = build(Session, values)
+    with mistakes:
+        joints = build_joints(values)
+    if mistakes and mechanism and drive and not drive.is_integrated:
+        with mistakes, made.suspicion():
+            drive.check(mechanism)
+    return _Parts(made, mechanism, drive, session, joints)
+
+
+def _built_mechanism(
+    kind: MechanismAndDrive, values: Mapping[str, object], mistakes: Mistakes
+) -> tuple[Any, Any]:
+    """Builds a mechanism, and collects its mistakes.
+
+    Returns:
+        The mechanism before and after its conversion; None after mistakes.
+    """
+    is_known = not any(value is UNKNOWN for value in values.values())
+    made: Any = None
+    mechanism: Any = None
+    with mistakes:
+        made = build(MECHANISMS[kind.mechanism], values)
+        mechanism = made.converted() if is_known else None
+    if mechanism is None and is_known:
+        return _without_loads(kind, values, mistakes)
+    return made, mechanism
 
 
 def _require_compatible(linkages: Sequence[Linkage]) -> None:
@@ -351,10 +392,11 @@ def _require_compatible(linkages: Sequence[Linkage]) -> None:
     Raises:
         ConfigurationError: They cannot run together.
     """
-    first, taken, frames = linkages[0], dict[str, str](), dict[str, Linkage]()
+    first, owner_of_joint = linkages[0], dict[str, str]()
+    first_with_frame = dict[str, Linkage]()
     for linkage in linkages:
         session = linkage.session
-        other = frames.setdefault(session.frame_id, linkage)
+        other = first_with_frame.setdefault(session.frame_id, linkage)
         if session.plane != other.session.plane:
             raise ConfigurationError(
                 f'{other.name} and {linkage.name} have one frame_id, {shown(session.frame_id)}, '
@@ -365,14 +407,14 @@ def _require_compatible(linkages: Sequence[Linkage]) -> None:
                 f'{first.name} has drive: {first.kind.drive}, {linkage.name} has '
                 f'{linkage.kind.drive}: all linkages of a run have one kind of drive'
             )
-        names = {joint.name for joint in linkage.robot_joints if joint.name}
-        for name in sorted({*names, linkage.crank_joint}):
-            if name in taken:
+        joints = {joint.name for joint in linkage.robot_joints if joint.name}
+        for name in sorted({*joints, linkage.crank_joint}):
+            if name in owner_of_joint:
                 raise ConfigurationError(
-                    f'{taken[name]} and {linkage.name} each have a joint {shown(name)}: give each '
-                    'its own joint_prefix, joints or crank_joint'
+                    f'{owner_of_joint[name]} and {linkage.name} each have a joint {shown(name)}: '
+                    'give each its own joint_prefix, joints or crank_joint'
                 )
-            taken[name] = linkage.name
+            owner_of_joint[name] = linkage.name
 
 
 def _require_frame_joint(linkage: Linkage) -> None:
@@ -432,16 +474,15 @@ def _without_kindless(
     """
     with suppress(ConfigurationError):
         return given, parameter_leaves(kind, given)
-    loads = {'.'.join(name.split('.')[:2]) for name in given if name.startswith('loads.')}
-    for load in sorted(loads)[:MOST_LISTED]:
+    load_of = {x: '.'.join(x.split('.')[:2]) for x in given if x.startswith('loads.')}
+    kindless = {*load_of.values()}
+    for load in sorted(kindless)[:MOST_LISTED]:
         own = {name: value for name, value in given.items() if name.startswith(f'{load}.')}
         with mistakes:
             parameter_leaves(kind, own)
-            loads.remove(load)
-    kept = {
-        name: value for name, value in given.items() if '.'.join(name.split('.')[:2]) not in loads
-    }
-    return kept, parameter_leaves(kind, kept)
+            kindless.remove(load)
+    others = {name: value for name, value in given.items() if load_of.get(name) not in kindless}
+    return others, parameter_leaves(kind, others)
 
 
 def _with_known_names(
@@ -461,29 +502,47 @@ def _with_known_names(
             f'mechanism = {shown(kind.mechanism)}, with a drawing: write mechanism: drawing, or '
             'leave drawing out'
         )
-    every = [*names, *(leaf.name for leaf in parameter_leaves(kind))]
-    unknown, changes = _unknown_groups(unknown, every), dict[str, str]()
+    unknown = _unknown_groups(unknown, [*names, *(x.name for x in parameter_leaves(kind))])
     mistakes.count(len(unknown[MOST_LISTED:]))
+    changes = dict[str, str]()
     for parameter in unknown[:MOST_LISTED]:
         words, meant = _not_a_parameter(parameter, kind, given, names)
         mistakes.add(words)
-        new = {_renamed(name, {parameter: meant}) for name in given}
-        is_above = f'{parameter}.'.startswith(f'{meant}.')
-        if meant and (is_above or len(new) == len(given)):
+        if meant and _can_rename(parameter, meant, given):
             changes[parameter] = meant
-    parts = {name.split('.')[1] for name in names if name.startswith('drawing.')}
-    rest = (x.split('.') for x in unknown if x not in changes)
-    if any(x[0] == 'drawing' and x[1] not in parts for x in rest):
+    if _lacks_group_of_drawing([x for x in unknown if x not in changes], names):
         mistakes.check()  # without a group, the other mistakes are mostly consequences
-    found = {_renamed(name, changes): value for name, value in given.items()}
-    # Names below a value do not tell the value.
-    return found | {x: UNKNOWN for name, x in changes.items() if f'{name}.'.startswith(f'{x}.')}
+    values = {_renamed(name, changes): value for name, value in given.items()}
+    for parameter, meant in changes.items():
+        if _is_in(parameter, meant):  # names below a value, which they do not give
+            values[meant] = UNKNOWN
+    return values
+
+
+def _is_in(name: str, group: str) -> bool:
+    """Returns whether a name is that of a group or of a parameter in it."""
+    return f'{name}.'.startswith(f'{group}.')
+
+
+def _can_rename(parameter: str, meant: str, given: Mapping[str, object]) -> bool:
+    """Returns whether a parameter or group can have the name that is meant, without a conflict."""
+    if _is_in(parameter, meant):
+        return True
+    renamed = {_renamed(name, {parameter: meant}) for name in given}
+    return len(renamed) == len(given)
+
+
+def _lacks_group_of_drawing(unknown: Sequence[str], names: Sequence[str]) -> bool:
+    """Returns whether an unknown name is that of a group which a drawing does not have."""
+    groups = {name.split('.')[1] for name in names if name.startswith('drawing.')}
+    parts = [name.split('.') for name in unknown]
+    return any(x[0] == 'drawing' and x[1] not in groups for x in parts)
 
 
 def _renamed(name: str, changes: Mapping[str, str]) -> str:
     """Returns a name, in which the name of a group may have changed."""
     for old, new in changes.items():
-        if f'{name}.'.startswith(f'{old}.'):
+        if _is_in(name, old):
             return f'{new}{name[len(old) :]}'
     return name
 
@@ -511,47 +570,62 @@ def _without_loads(
 
 def _unknown_groups(unknown: Sequence[str], valid: Sequence[str]) -> list[str]:
     """Returns unknown names; those in one unknown group are replaced by the name of the group."""
-    known = {name[: match.start()] for name in valid for match in re.finditer(r'\.', name)}
+    known = {group for name in valid for group in _groups_of(name)}
     found = list[str]()
     for name in unknown:
-        ends = [match.start() for match in re.finditer(r'\.', name)]
-        group = next((name[:end] for end in ends if name[:end] not in known), name)
+        group = next((x for x in _groups_of(name) if x not in known), name)
         is_shared = sum(x.startswith(f'{group}.') for x in unknown) > 1
         found.append(group if is_shared else name)
     return list(dict.fromkeys(found))
+
+
+def _groups_of(name: str) -> list[str]:
+    """Returns the groups of a parameter, such as ['a', 'a.b'] of a.b.c."""
+    *groups, _ = accumulate(name.split('.'), '{}.{}'.format)
+    return groups
 
 
 def _not_a_parameter(
     name: str, kind: MechanismAndDrive, given: Mapping[str, object], valid: Sequence[str]
 ) -> tuple[str, str]:
     """Returns the error message for an unknown parameter, and what is meant or ''."""
-    mechanism = MECHANISMS[kind.mechanism]
-    reason, (allowed, _) = mechanism.unused(given).get(name, ''), mechanism.drives(given)
     owner = _with_article(DRIVES[kind.drive].subject.format(kind.mechanism))
     mistake = f'{shown(name)} is not a parameter of {owner}'
     group = name.partition('.')[0]
     every = [leaf.name for leaf in parameter_leaves(kind)]  # also of groups that are not given
     if kind.mechanism == 'drawing' and any(x.startswith(f'drawing.{group}') for x in every):
         return f'{mistake}: indent {group} below drawing', f'drawing.{name}'
-    inner = name.removeprefix('drawing.')
-    beside = inner.partition('.')[0]
-    if inner != name and beside in {'loads', *(x.partition('.')[0] for x in every)}:
-        return f'{mistake}: {beside} is beside drawing, not in it; indent it less', inner
+    if name.startswith('drawing.'):
+        inner = name.removeprefix('drawing.')
+        inner_group = inner.partition('.')[0]
+        if inner_group in {'loads', *(x.partition('.')[0] for x in every)}:
+            cure = f'{inner_group} is beside drawing, not in it; indent it less'
+            return f'{mistake}: {cure}', inner
     if name == 'rate_hz':
         return f'{mistake}: measurements set the rate; leave it out', ''
-    if reason:
+    if reason := MECHANISMS[kind.mechanism].unused(given).get(name, ''):
         return f'{mistake}: {reason}; leave it out', ''
     # A group that is missing here is named as a whole: only a four_bar has rocker.
-    sought = name if any(known.startswith(f'{group}.') for known in valid) else group
-    drives = _others(sought, DRIVES, kind.drive)
-    mechanisms = _others(sought, MECHANISMS, kind.mechanism)
-    having = [*(f'a crank with drive: {x}' for x in drives), *map(_with_article, mechanisms)]
-    if having:
-        cure = ''.join(f'write drive: {x}, or ' for x in drives[:1] if x in (allowed or drives))
-        return f'{mistake}: only {" or ".join(having)} has {sought}; {cure}leave it out', ''
+    has_group = any(known.startswith(f'{group}.') for known in valid)
+    if words := _others_with(name if has_group else group, kind, given):
+        return f'{mistake}: {words}', ''
     every = [*valid, *every]
     words = unknown_name(name, owner, every, 'linkage_record --help-parameters')
     return words, meant_parameter(name, every)
+
+
+def _others_with(name: str, kind: MechanismAndDrive, given: Mapping[str, object]) -> str:
+    """Returns which other drives or mechanisms have a parameter or group, or '' if none has."""
+    drives = _others(name, DRIVES, kind.drive)
+    mechanisms = _others(name, MECHANISMS, kind.mechanism)
+    having = [*(f'a crank with drive: {x}' for x in drives), *map(_with_article, mechanisms)]
+    if not having:
+        return ''
+    cure = 'leave it out'
+    allowed, _ = MECHANISMS[kind.mechanism].drives(given)
+    if drives and drives[0] in (allowed or drives):
+        cure = f'write drive: {drives[0]}, or {cure}'
+    return f'only {" or ".join(having)} has {name}; {cure}'
 
 
 def _with_article(name: str) -> str:
