@@ -153,6 +153,30 @@ def read_columns(path: Path | str, quantities: Collection[str]) -> dict[str, lis
             number, or a line has more or fewer cells than the first line.
     """
     head, *lines = read_file(path).decode('utf-8-sig').splitlines() or ['']
+    columns = _columns_in(head, quantities)
+    if len(lines) > _MOST_ROWS:
+        raise ValueError(f'has {len(lines)} rows, and at most {_MOST_ROWS} are read')
+    rows = np.empty((0, 0))
+    if any(lines):
+        try:
+            rows = np.loadtxt(lines, delimiter=',', comments=None, quotechar='"', ndmin=2)
+        except ValueError as error:
+            raise ValueError(str(error).partition('; use ')[0]) from error  # about NumPy
+    if rows.shape[1] != len(columns):
+        raise ValueError(f'each line below {",".join(columns)} must be {len(columns)} numbers')
+    return {
+        column.quantity: [column.factor * x for x in numbers]
+        for column, numbers in zip(columns.values(), rows.T.tolist(), strict=True)
+    }
+
+
+def _columns_in(head: str, quantities: Collection[str]) -> dict[str, _Column]:
+    """Returns the columns that the first line of a file names, by name.
+
+    Raises:
+        ValueError: There are too many, a name is not valid, or a quantity is not in `quantities`
+            or occurs twice.
+    """
     if (number := head.count(',') + 1) > len(_COLUMNS):
         raise ValueError(f'its first line has {number} columns: must be at most {len(_COLUMNS)}')
     names = [name.strip(' \t"') for name in head.split(',')]
@@ -164,17 +188,4 @@ def read_columns(path: Path | str, quantities: Collection[str]) -> dict[str, lis
         columns.append(column)
     if len({column.quantity for column in columns}) < len(columns):
         raise ValueError(f'its first line names {", ".join(names)}: give each quantity once')
-    if len(lines) > _MOST_ROWS:
-        raise ValueError(f'has {len(lines)} rows, and at most {_MOST_ROWS} are read')
-    rows = np.empty((0, 0))
-    if any(lines):
-        try:
-            rows = np.loadtxt(lines, delimiter=',', comments=None, quotechar='"', ndmin=2)
-        except ValueError as error:
-            raise ValueError(str(error).partition('; use ')[0]) from error  # about NumPy
-    if rows.shape[1] != len(names):
-        raise ValueError(f'each line below {",".join(names)} must be {len(names)} numbers')
-    return {
-        column.quantity: [column.factor * x for x in row]
-        for column, row in zip(columns, rows.T.tolist(), strict=True)
-    }
+    return dict(zip(names, columns, strict=True))

@@ -144,7 +144,7 @@ class Mistakes:
     """
 
     def __init__(self) -> None:
-        self._found: list[ConfigurationError] = []
+        self._errors: list[ConfigurationError] = []
         self._more = 0
 
     def count(self, number: int) -> None:
@@ -153,18 +153,22 @@ class Mistakes:
 
     def add(self, words: str) -> None:
         """Collects a mistake that has no error yet."""
-        self._found.append(ConfigurationError(words))
+        self._errors.append(ConfigurationError(words))
 
     def add_new(self, error: ConfigurationError) -> None:
         """Collects the mistakes of an error that are not collected yet."""
-        known = {words for each in self._found for words in each.mistakes or (str(each),)}
+        known = self._descriptions()
         for words in error.mistakes or (str(error),):
             if words not in known:
                 self.add(words)
 
+    def _descriptions(self) -> tuple[str, ...]:
+        """Returns the mistakes of all collected errors."""
+        return tuple(words for error in self._errors for words in error.mistakes or (str(error),))
+
     def __bool__(self) -> bool:
         """Whether there is a mistake."""
-        return bool(self._found)
+        return bool(self._errors)
 
     def __enter__(self) -> None:
         """Begins a block."""
@@ -172,7 +176,7 @@ class Mistakes:
     def __exit__(self, _: object, error: BaseException | None, __: object) -> bool:
         """Collects the error of the block, if it is a ConfigurationError."""
         if isinstance(error, ConfigurationError):
-            self._found.append(error)
+            self._errors.append(error)
             return True
         return False
 
@@ -183,17 +187,19 @@ class Mistakes:
             ConfigurationError: There is an error. If there are several, the message lists them,
                 one in a line.
         """
-        if len(self._found) == 1:
-            raise self._found[0]
-        if not self._found:
+        if len(self._errors) == 1:
+            raise self._errors[0]
+        if not self._errors:
             return
-        found = tuple(words for error in self._found for words in error.mistakes or (str(error),))
-        total = len(found) + self._more
+        mistakes = self._descriptions()
+        total = len(mistakes) + self._more
         error = ConfigurationError(f'{total} mistakes:')
-        listed = [f'({number}) {words}' for number, words in enumerate(found[:MOST_LISTED], 1)]
-        more = total - len(listed)
-        error.lines = '\n'.join([*listed, *([f'and {more} more'] if more else [])])
-        error.mistakes = found
+        lines = [f'({number}) {words}' for number, words in enumerate(mistakes[:MOST_LISTED], 1)]
+        more = total - len(lines)
+        if more:
+            lines.append(f'and {more} more')
+        error.lines = '\n'.join(lines)
+        error.mistakes = mistakes
         raise error
 
 
@@ -210,10 +216,10 @@ def in_file(path: str) -> Iterator[None]:
     try:
         yield
     except ConfigurationError as error:
-        found = type(error)(f'{path}: {str(error).removesuffix(error.lines)}')
-        found.lines = error.lines
-        found.mistakes = tuple(f'{path}: {words}' for words in error.mistakes)
-        raise found from error
+        located = type(error)(f'{path}: {str(error).removesuffix(error.lines)}')
+        located.lines = error.lines
+        located.mistakes = tuple(f'{path}: {words}' for words in error.mistakes)
+        raise located from error
 
 
 @contextmanager

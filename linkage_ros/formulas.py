@@ -173,9 +173,9 @@ def require(condition: Any, refuse: Callable[..., object] | None, *values: Real)
     if recorded is not None:
         recorded.tape.record('require', condition, refuse, *values)
     elif not (condition if type(condition) is bool else condition.all()):
-        holds, *found = np.broadcast_arrays(condition, *values)
+        holds, *elements = np.broadcast_arrays(condition, *values)
         first = np.flatnonzero(np.logical_not(holds))[0]
-        refuse(*(float(value.flat[first]) for value in found))
+        refuse(*(float(value.flat[first]) for value in elements))
 
 
 class Opaque:

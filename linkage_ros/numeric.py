@@ -208,14 +208,16 @@ def real_numbers(
     Raises:
         ConfigurationError: A value is not a real number, or the shapes do not broadcast.
     """
-    found = [*map(_number, names, values)]
-    shapes = {x.shape for x in found if type(x) is not float}
+    numbers = [*map(_number, names, values)]
+    shapes = {x.shape for x in numbers if type(x) is not float}
+    if len(shapes) < 2:
+        return numbers, next(iter(shapes), None)
     try:
-        return found, np.broadcast_shapes(*shapes) if len(shapes) > 1 else next(iter(shapes), None)
+        return numbers, np.broadcast_shapes(*shapes)
     except ValueError:
         words = ', '.join(
             f'{name.replace("_", " ")} {np.shape(x)}'
-            for name, x in zip(names, found, strict=True)
+            for name, x in zip(names, numbers, strict=True)
             if np.shape(x)
         )
         raise ConfigurationError(
@@ -232,10 +234,10 @@ def single_numbers(*values: Any) -> list[float]:
         return []
     row = [x[0] if type(x) is tuple and len(x) == 1 else x for x in values]
     try:
-        found = [float(x) for x in row if isinstance(x, _SINGLE) and not isinstance(x, bool)]
+        floats = [float(x) for x in row if isinstance(x, _SINGLE) and not isinstance(x, bool)]
     except OverflowError:  # 10**400
         return []
-    return found if len(found) == len(values) else []
+    return floats if len(floats) == len(values) else []
 
 
 def _number(name: str, value: object) -> Real:

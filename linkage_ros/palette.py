@@ -61,16 +61,16 @@ def colors_of(links: Iterable[str]) -> dict[str, Color]:
         links: Names of all moving links.
     """
     names = [*links]
-    found = dict[str, Color]()
+    colors = dict[str, Color]()
     for name in names:
         usual = COLORS.get(name) or _DYADS.get(name.rpartition('_')[2])
-        if usual and usual not in found.values():
-            found[name] = usual
+        if usual and usual not in colors.values():
+            colors[name] = usual
     for name in names:
-        if name not in found:
-            used = [*found.values()]
-            found[name] = min(_IN_TURN, key=used.count)
-    return {name: found[name] for name in names}
+        if name not in colors:
+            used = [*colors.values()]
+            colors[name] = min(_IN_TURN, key=used.count)
+    return {name: colors[name] for name in names}
 
 
 def mixed(color: Color, other: Color, share: float) -> Color:

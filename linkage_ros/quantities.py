@@ -273,8 +273,8 @@ def did_you_mean(given: str, valid: Iterable[str]) -> str:
         given: See `resembling`, as for the other.
         valid: The valid names.
     """
-    found = resembling(given, valid)
-    return f'; did you mean {found}?' if found else ''
+    closest = resembling(given, valid)
+    return f'; did you mean {closest}?' if closest else ''
 
 
 def resembling(given: str, valid: Iterable[str]) -> str:
@@ -354,8 +354,8 @@ def _below(group: str, valid: Iterable[str]) -> list[str]:
     parts = group.split('.') if group else []
     names = [x.split('.') for x in valid]
     inside = [x for x in names if len(x) > len(parts) and _fits(parts, x)] if parts else []
-    found = [*dict.fromkeys(x[len(parts)] for x in inside)]
-    return [x for x in found if x != 'NAME'] or found
+    next_parts = [*dict.fromkeys(x[len(parts)] for x in inside)]
+    return [x for x in next_parts if x != 'NAME'] or next_parts
 
 
 def _fits(parts: Sequence[str], pattern: Sequence[str]) -> bool:
@@ -527,15 +527,15 @@ class _Group(NamedTuple):
         parts = (
             name.removeprefix(prefix).split('.') for name in values if name.startswith(prefix)
         )
-        found = {}
+        classes = {}
         for name in sorted({part[0] for part in parts if len(part) > 1}):
             kind, key = '', f'{prefix}{name}.kind'
             if self.has_kinds:
                 if key not in values:
                     raise ConfigurationError(f'{key} is missing: must be {self.kind.valid}')
                 kind = str(self.kind.clean(key, values[key]))
-            found[name] = self.kinds[kind]
-        return found
+            classes[name] = self.kinds[kind]
+        return classes
 
     def kind_of(self, field: str, member: Any) -> str:
         """Returns the kind of an object.
@@ -563,15 +563,15 @@ def _read_parts(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Any], ...]:
     by keyword only follow those of the class itself.
     """
     hints = typing.get_type_hints(cls)
-    found = []
+    parts = []
     for field in sorted(dataclasses.fields(cls), key=lambda field: bool(field.kw_only)):
         kind = hints[field.name]
         # The class of a part that may be None.
         inner = next((x for x in typing.get_args(kind) if dataclasses.is_dataclass(x)), kind)
         part = field.metadata.get('quantity', _Part(inner, is_optional=inner is not kind))
         if part is not None:
-            found.append((field, part))
-    return tuple(found)
+            parts.append((field, part))
+    return tuple(parts)
 
 
 def _parameter(field: dataclasses.Field[Any]) -> str:
@@ -627,24 +627,24 @@ def leaves(
     Raises:
         ConfigurationError: The values give no kind of such an object.
     """
-    found: list[Leaf] = []
+    all_leaves: list[Leaf] = []
     for field, part in _parts(cls):
         start = f'{prefix}{field.name}.'
         if isinstance(part, Quantity):
-            found.append(Leaf(prefix + _parameter(field), part, field.default))
+            all_leaves.append(Leaf(prefix + _parameter(field), part, field.default))
         elif isinstance(part, _Named):
             names = ['NAME'] if values is None else part.names(start, values)
-            found += (Leaf(start + name, part.value, MISSING) for name in names)
+            all_leaves += (Leaf(start + name, part.value, MISSING) for name in names)
         elif isinstance(part, _Group):
-            found += _leaves_of_group(part, start, values)
+            all_leaves += _leaves_of_group(part, start, values)
         elif not part.is_optional:
-            found += leaves(part.base, start, values)
+            all_leaves += leaves(part.base, start, values)
         elif values is None or _names(values, prefix + field.name):
             # Required only if the part is present.
             for leaf in leaves(part.base, start, values):
                 is_required = leaf.default is MISSING
-                found.append(leaf._replace(default=None) if is_required else leaf)
-    return tuple(found)
+                all_leaves.append(leaf._replace(default=None) if is_required else leaf)
+    return tuple(all_leaves)
 
 
 def _leaves_of_group(
@@ -732,7 +732,7 @@ def _filled(
     Returns:
         The instance; after a mistake UNKNOWN, or, of a class that allows it, one with mistakes.
     """
-    found = dict(others)
+    arguments = dict(others)
     for field, part in _parts(cls):
         value = UNKNOWN
         with mistakes:
@@ -740,12 +740,12 @@ def _filled(
         if isinstance(value, tuple) and cls.allows_unknown:
             value = tuple(x for x in value if x is not UNKNOWN)
         if value is not MISSING:
-            found[field.name] = value
-    if not cls.allows_unknown and any(map(_is_unknown, found.values())):
+            arguments[field.name] = value
+    if not cls.allows_unknown and any(map(_is_unknown, arguments.values())):
         return UNKNOWN
     made = cls.__new__(cls)
     with mistakes:
-        cls.__init__(made, **found)
+        cls.__init__(made, **arguments)
         return made
     return made if cls.allows_unknown else UNKNOWN
 

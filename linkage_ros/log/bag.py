@@ -84,8 +84,8 @@ class Bag:
             # rosbag2 numbers the files, as in run_0.mcap to run_10.mcap.
             self.files = sorted(self.path.glob('*.mcap'), key=lambda x: (len(x.name), x.name))
             if not self.files:
-                found = shortened(', '.join(sorted(x.name for x in self.path.iterdir())), 80)
-                raise LogError(f'{path} has no .mcap file, only {found or "nothing"}: {_CURE}')
+                names = shortened(', '.join(sorted(x.name for x in self.path.iterdir())), 80)
+                raise LogError(f'{path} has no .mcap file, only {names or "nothing"}: {_CURE}')
         for file in self.files:
             with open_mcap(file, _CURE) as stream:
                 self.size += stream.seek(0, os.SEEK_END)
@@ -111,13 +111,13 @@ class Bag:
             topics = _Topics(types)
             with mcap_file(path, _remedy, cure=_CURE, largest=_LARGEST) as file:
                 for block, size in _blocks(file):
-                    if found := topics.messages(block):
-                        yield found
+                    if messages := topics.messages(block):
+                        yield messages
                     progress(size)
 
     def topics(self, type_name: str) -> set[str] | None:
         """Returns the names of the topics of a type; None if the index of a file is missing."""
-        found = set[str]()
+        topics = set[str]()
         for path in self.files:
             with open_mcap(path, _CURE) as stream:
                 summary = None
@@ -125,9 +125,9 @@ class Bag:
                     summary = McapFile(stream).summary()
                 if not summary or not summary[Channel]:
                     return None
-                named = {schema.id for schema in summary[Schema] if schema.name == type_name}
-                found |= {x.topic for x in summary[Channel] if x.schema_id in named}
-        return found
+                schemas = {schema.id for schema in summary[Schema] if schema.name == type_name}
+                topics |= {x.topic for x in summary[Channel] if x.schema_id in schemas}
+        return topics
 
 
 def _remedy(file: McapFile) -> str:
@@ -166,7 +166,7 @@ class _Topics:
             LogError: A time is too large.
             ValueError: The block is damaged. Damaged data may raise other exceptions.
         """
-        topics, found, size = self._topics, list[BagMessage](), MESSAGE_HEAD.size
+        topics, messages, size = self._topics, list[BagMessage](), MESSAGE_HEAD.size
         for opcode, channel, start, end in records(block):
             if opcode != Opcode.MESSAGE:
                 self._declare(opcode, block[start + HEAD.size : end])
@@ -174,8 +174,8 @@ class _Topics:
                 (time,) = _TIME.unpack_from(block, start)
                 if time >= TIME_END:
                     raise LogError(f'a message has the time {time} ns: must be a valid ROS time')
-                found.append((topic, time, block[start + size : end]))
-        return found
+                messages.append((topic, time, block[start + size : end]))
+        return messages
 
     def _declare(self, opcode: int, body: bytes) -> None:
         """Reads a schema or channel."""

@@ -104,6 +104,18 @@ class _Chunk(NamedTuple):
     channels: tuple[int, ...]
 
 
+class _Queued(NamedTuple):
+    """A message in the queue of messages that are not yet in order.
+
+    Attributes:
+        place: Log time, ns, offset of the chunk, and offset of the message in it: its order.
+        message: The message.
+    """
+
+    place: tuple[int, int, int]
+    message: LoggedMessage
+
+
 class LogReader:
     """Reads a complete log of this package; opens the file only while it reads.
 
@@ -279,30 +291,35 @@ class LogReader:
         """
         channels = {t.number for t in self.topics if topics is None or t.name in topics}
         times = range(start or 0, TIME_END if end is None else end)
-        chunks = [
-            chunk
-            for chunk in self._chunks
-            if (end is None or chunk.start < end)
-            and chunk.end >= times.start
-            and not channels.isdisjoint(chunk.channels or channels)
-        ]
-        chunks.sort(key=lambda chunk: (chunk.start, chunk.offset))
-        # Messages not yet yielded, because messages of the next chunk may precede them. They are
-        # sorted by time, chunk and offset.
-        queue, queue_size = list[tuple[int, int, int, LoggedMessage]](), 0
+        chunks = self._chunks_with(channels, times)
+        next_starts = [*(chunk.start for chunk in chunks[1:]), TIME_END]
+        # Messages not yet yielded, because messages of the next chunk may precede them.
+        queue, queue_size = list[_Queued](), 0
         with mcap_file(self.path, _remedy) as file:
-            for i, chunk in enumerate(chunks):
+            for chunk, next_start in zip(chunks, next_starts, strict=False):
                 for offset, message in self._messages_in(file, chunk):
                     if message.channel in channels and message.time in times:
-                        heapq.heappush(queue, (message.time, chunk.offset, offset, message))
+                        place = message.time, chunk.offset, offset
+                        heapq.heappush(queue, _Queued(place, message))
                         queue_size += len(message.data) + _OVERHEAD
                     if queue_size > _MOST_WAITING:
                         raise LogError('too many of its chunks overlap in time to be sorted')
-                next_start = chunks[i + 1].start if i + 1 < len(chunks) else TIME_END
-                while queue and queue[0][0] < next_start:
-                    *_, message = heapq.heappop(queue)
+                while queue and queue[0].message.time < next_start:
+                    message = heapq.heappop(queue).message
                     queue_size -= len(message.data) + _OVERHEAD
                     yield message
+
+    def _chunks_with(self, channels: set[int], times: range) -> list[_Chunk]:
+        """Returns the chunks that may have messages of channels at log times, by first time."""
+
+        def may_have_messages(chunk: _Chunk) -> bool:
+            # Without an end, a damaged index does not hide messages.
+            is_before_end = chunk.start < times.stop or times.stop == TIME_END
+            has_channels = not chunk.channels or not channels.isdisjoint(chunk.channels)
+            return is_before_end and chunk.end >= times.start and has_channels
+
+        chunks = filter(may_have_messages, self._chunks)
+        return sorted(chunks, key=lambda chunk: (chunk.start, chunk.offset))
 
     def _messages_in(self, file: McapFile, chunk: _Chunk) -> Iterator[tuple[int, LoggedMessage]]:
         """Yields the messages of a chunk, with their offsets in it.

@@ -207,8 +207,10 @@ class RowLayouts:
         """Returns the layout of the rows that hold some linkages."""
         if names not in self._made:
             templates, channels = self._templates.of(names), self.channels
-            held = [(channels[topic], topic) for topic in templates.topics if topic in channels]
-            self._made[names] = RowLayout(templates, held, names)
+            logged_topics = [
+                (channels[topic], topic) for topic in templates.topics if topic in channels
+            ]
+            self._made[names] = RowLayout(templates, logged_topics, names)
         return self._made[names]
 
     def at(self, data: bytes | bytearray, at: int) -> RowLayout | None:

@@ -269,8 +269,8 @@ class McapFile:
         # The next record is often close, so that large reads would make the time quadratic.
         size = 1 << 10
         while len(data := self.read(at, size)) >= _LANDMARK_SIZE:
-            if found := _LANDMARK.search(data):
-                return at + found.start()
+            if landmark := _LANDMARK.search(data):
+                return at + landmark.start()
             at += len(data) - _LANDMARK_SIZE + 1
             size = min(2 * size, LARGEST)
         return self.size
@@ -288,11 +288,11 @@ class McapFile:
         checked = self.read(at, self.size - at)[:-12]  # up to the checksum
         if opcode != Opcode.FOOTER or checksum not in {0, zlib.crc32(checked)}:
             raise ValueError('its footer is damaged')
-        found = defaultdict[type, list[Any]](list)
+        parsed_records = defaultdict[type, list[Any]](list)
         while at < end:
             opcode, body, at = self._record(at)
-            found[_KINDS[opcode]].append(parsed(opcode, body))
-        return found
+            parsed_records[_KINDS[opcode]].append(parsed(opcode, body))
+        return parsed_records
 
     def check_data(self) -> None:
         """Verifies the checksum of the data section, if it has one.

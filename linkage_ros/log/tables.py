@@ -172,10 +172,10 @@ def _tables(bag: Bag, progress: Callable[[int], object] = lambda _: None) -> lis
             table.add(time, data)
         except ValueError:
             table.invalid += 1
-    found = [table for table in tables.values() if table.stamps]
-    for table in found:
+    filled_tables = [table for table in tables.values() if table.stamps]
+    for table in filled_tables:
         table.complete()
-    return found
+    return filled_tables
 
 
 def read_log(path: Path | str, topic: str | None = None) -> Any:
@@ -268,10 +268,10 @@ def write_csv(
         raise LogError(f'{target} is the log itself: choose another name')
     cure = 'give --overwrite'
     require_new(target, LogError, overwrite=overwrite, cure=cure)
-    found = _tables(bag, progress)
-    table = _chosen(source, [x for x in found if not x.is_of_points], topic)
+    tables = _tables(bag, progress)
+    table = _chosen(source, [x for x in tables if not x.is_of_points], topic)
     labels = {} if table.topic.role == MEASURED_JOINT_STATES.role else _labels(source)
-    points = _points_of(table, found)
+    points = _points_of(table, tables)
     head = ['t [s]', *(labels.get(name, name) for name in table.columns), *points]
     columns = map(_cells, (*table.columns.values(), *points.values()))
     with text_output(target, LogError, overwrite=overwrite, cure=cure) as stream:

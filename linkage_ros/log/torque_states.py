@@ -229,31 +229,27 @@ class DrivenStates(SegmentStates):
             spans: Times between them, s.
             under: Conditions of the motions, as arrays.
         """
-        none, half = np.zeros(len(spans), bool), len(driven.links)
+        no_state, count = np.zeros(len(spans), bool), len(driven.links)
         if not driven.is_own:
-            return none
+            return no_state
         solver = self._fast.described(driven.solver.description).solver
+        # The first half of these rows are coordinates, the second half their rates.
         rows, units = self._rows(driven), np.array(driven.units)[:, None]
-        fastest = np.max(abs(previous[rows[half:]]) / units[half:], axis=0)
+        fastest = np.max(abs(previous[rows[count:]]) / units[count:], axis=0)
         steps = int(np.clip(np.ceil(np.median(fastest * spans) / _STEP), *_STEPS))
 
-        def accelerations(*y: Array) -> Any:
-            torque = self._motor.at(y[half]) + previous[-1]
-            return solver.accelerations(y[:half], y[half:], torque, under=under)
+        def accelerations(*phase: Array) -> Any:
+            torque = self._motor.at(phase[count]) + previous[-1]
+            return solver.accelerations(phase[:count], phase[count:], torque, under=under)
 
-        plant, phase = Plant(driven.units, accelerations), tuple(previous[rows])
-        error = np.zeros(len(spans))
+        plant = Plant(driven.units, accelerations)
         try:
             with np.errstate(all='ignore'):  # long steps may overflow
-                slope = slope_at(accelerations, phase)
-                for _ in range(steps):
-                    phase, slope, errors = leap(plant, phase, spans / steps, slope)
-                    error = np.maximum(error, np.max(errors, axis=0))
+                predicted, errors = _leapt(plant, previous[rows], spans, steps)
         except LinkageError:  # check the states one by one instead
-            return none
-        predicted = np.array(phase)
+            return no_state
         follows = _agrees(units, previous[rows], predicted, states[rows], spans).all(axis=0)
-        follows &= error <= _APART / 10
+        follows &= errors <= _APART / 10
         follows[0] &= self._last_driven.solver is driven.solver
         return follows
 
@@ -330,6 +326,26 @@ class TorqueStates(TickStates):
 
     needed = (MECHANISM_STATE,)
     kind = DrivenStates
+
+
+def _leapt(plant: Plant, start: Array, spans: Array, steps: int) -> tuple[Array, Array]:
+    """Integrates many motions at once, in equal steps.
+
+    Args:
+        plant: The equations of motion.
+        start: Coordinates, then their rates, of each motion.
+        spans: Duration of each motion, s.
+        steps: Number of steps.
+
+    Returns:
+        The coordinates and rates at the end, and the largest error of each motion; see `leap`.
+    """
+    phase, largest_errors = tuple(start), np.zeros(len(spans))
+    slope = slope_at(plant.accelerations, phase)
+    for _ in range(steps):
+        phase, slope, errors = leap(plant, phase, spans / steps, slope)
+        largest_errors = np.maximum(largest_errors, np.max(errors, axis=0))
+    return np.array(phase), largest_errors
 
 
 def _agrees(

@@ -75,8 +75,9 @@ class TorqueZeros:
         try:
             _, _, points = decode_trajectory(message.data)
             positions = points[0].positions
-            held = {x.crank_joint: y for x, y in zip(simulators, positions, strict=True)}
-            return holding_trajectory(held, self._robot.configuration.session.frame_id)
+            joints = [simulator.crank_joint for simulator in simulators]
+            frame_id = self._robot.configuration.session.frame_id
+            return holding_trajectory(dict(zip(joints, positions, strict=True)), frame_id)
         except (ValueError, IndexError):
             return b''
 

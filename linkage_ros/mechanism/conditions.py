@@ -49,7 +49,7 @@ class Conditions:
         Raises:
             ConfigurationError: The number of values is wrong.
         """
-        found = {
+        rows = {
             'gravity': _row('gravity', gravity, 2, '(x, y), m/s^2'),
             'frame': _row('frame', frame, 3, '(angle, speed, acceleration)'),
             'forces': tuple(
@@ -57,7 +57,7 @@ class Conditions:
                 for name, force in sorted(dict(forces).items())
             ),
         }
-        for field, value in found.items():
+        for field, value in rows.items():
             object.__setattr__(self, field, value)
 
     def __bool__(self) -> bool:

@@ -49,10 +49,10 @@ def _refuse(mistakes: Iterable[str]) -> None:
     Raises:
         ConfigurationError: There are; the message has all.
     """
-    found = Mistakes()
+    collected = Mistakes()
     for words in mistakes:
-        found.add(words)
-    found.check()
+        collected.add(words)
+    collected.check()
 
 
 @dataclass(frozen=True)
@@ -194,17 +194,16 @@ class Drawing(_Drawn):
         }
 
     def __repr__(self) -> str:
-        parts: dict[str, Sequence[Any]] = {
+        lists: dict[str, Sequence[Any]] = {
             'links': self.links,
             'slides': self.slides,
             'cylinders': self.cylinders,
         }
-        named = (
-            f'{word} {", ".join(part.name for part in found)}'
-            for word, found in parts.items()
-            if found
-        )
-        return f'<Drawing (input {self.input}): {"; ".join(named)}>'
+        words = list[str]()
+        for name, parts in lists.items():
+            if parts:
+                words.append(f'{name} {", ".join(part.name for part in parts)}')
+        return f'<Drawing (input {self.input}): {"; ".join(words)}>'
 
     def mechanism(
         self,

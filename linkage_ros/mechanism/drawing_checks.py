@@ -10,7 +10,7 @@ import itertools
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, NamedTuple
 
@@ -81,23 +81,27 @@ class Outline:
             self._read(f'drawing.cylinders.{x.name}', x, (x.from_, x.to))
             for x in drawing.cylinders
         ]
-        for name in self._forgotten:
-            having = ', '.join(x.label for x in (self.frame, *self.parts) if name in x.pins)
-            self.mistakes.append(
-                f'drawing.pins.{name} is missing, a pin of {having}: write its place [x, y]'
-                f'{did_you_mean(name, drawing.pins)}'
-            )
+        self._note_forgotten_pins()
         self.names = [x.part.name for x in self.parts]
         self.input = self._known(drawing.input, self.names)
         bodies = [FRAME_NAME, *(x.part.name for x in (*self.links, *self.slides))]
-        self.guides = {
-            x.name: self._known(x.on, [body for body in bodies if body != x.name])
-            for x in drawing.slides
-        }
+        self.guides = dict[str, Any]()
+        for slide in drawing.slides:
+            others = [body for body in bodies if body != slide.name]
+            self.guides[slide.name] = self._known(slide.on, others)
         has_all_pins = self.frame.is_certain and all(
             x.is_certain and len(x.pins) >= self.least(x.part) for x in self.parts
         )
         self.is_certain = bool(self.input) and all(self.guides.values()) and has_all_pins
+
+    def _note_forgotten_pins(self) -> None:
+        """Adds the mistake of each pin that parts have and that has no place."""
+        for name in self._forgotten:
+            owners = ', '.join(x.label for x in (self.frame, *self.parts) if name in x.pins)
+            self.mistakes.append(
+                f'drawing.pins.{name} is missing, a pin of {owners}: write its place [x, y]'
+                f'{did_you_mean(name, self.drawing.pins)}'
+            )
 
     @property
     def parts(self) -> list[_Part]:
@@ -107,12 +111,12 @@ class Outline:
     @property
     def bodies(self) -> dict[str, tuple[str, ...]]:
         """The pins of each body by its name; a driven cylinder is two bodies."""
-        found = {x.part.name: x.pins for x in (*self.links, *self.slides)}
+        pins_of = {x.part.name: x.pins for x in (*self.links, *self.slides)}
         for _, cylinder, pins, _ in self.cylinders:
             if cylinder.name == self.input:
                 ends = f'{cylinder.name}_barrel', f'{cylinder.name}_rod'
-                found |= {name: pins[i : i + 1] for i, name in enumerate(ends)}
-        return found
+                pins_of |= {name: pins[i : i + 1] for i, name in enumerate(ends)}
+        return pins_of
 
     def least(self, part: Any) -> int:
         """Returns the number of pins that a part needs at least."""
@@ -130,8 +134,9 @@ class Outline:
         names = [name for name in given if name is not UNKNOWN]
         if len({*names}) < len(names):
             self.mistakes.append(f'{label} names one pin twice: {", ".join(names)}; leave one out')
-        found = [*filter(None, (self._meant(label, name, names) for name in dict.fromkeys(names)))]
-        return _Part(label, part, (*found,), is_certain=len(found) == len(given))
+        meant = (self._meant(label, name, names) for name in dict.fromkeys(names))
+        pins = tuple(pin for pin in meant if pin)
+        return _Part(label, part, pins, is_certain=len(pins) == len(given))
 
     def _meant(self, label: str, name: str, others: Sequence[str]) -> str:
         """Returns the pin that is meant by a name, or ''."""
@@ -242,18 +247,9 @@ def _bad_place(
         at: Place on the link.
         pin: Name of the pin instead; empty if there is none.
     """
-    pins, bodies = outline.drawing.pins, {FRAME_NAME: outline.frame.pins, **outline.bodies}
+    bodies = {FRAME_NAME: outline.frame.pins, **outline.bodies}
     if pin:
-        owners = [name for name, having in bodies.items() if pin in having]
-        is_default = words.pin == 'to_pin' and link == FRAME_NAME
-        label = f'{words.owner}.{words.pin}'
-        if pin not in pins:
-            hint = did_you_mean(pin, pins)
-            yield f'{label}: no pin {shown(pin)}; must be one of {listed(pins)}{hint}'
-        elif link and not is_default and owners and link not in owners:
-            yield (
-                f'{label}: no link {shown(link)} at the pin {pin}; must be one of {listed(owners)}'
-            )
+        yield from _bad_pin(outline.drawing.pins, bodies, words, link, pin)
     elif link and link not in bodies:
         yield (
             f'{words.owner}.{words.link} = {shown(link)}: must be one of '
@@ -262,6 +258,33 @@ def _bad_place(
     elif link and at is None:
         instead = f', or {words.pin}' if words.pin else ''
         yield (f'{words.owner}.{words.at} is missing: give the place on {link} as drawn{instead}')
+
+
+def _bad_pin(
+    pins: Collection[str],
+    bodies: Mapping[str, Collection[str]],
+    words: _PlaceWords,
+    link: str,
+    pin: str,
+) -> Iterator[str]:
+    """Yields the mistake in a pin of a load: it does not exist, or is not on the given link.
+
+    Args:
+        pins: Names of all pins.
+        bodies: Names of the pins of each body, by its name.
+        words: The parameters.
+        link: Name of the link; empty if there is none.
+        pin: Name of the pin.
+    """
+    label = f'{words.owner}.{words.pin}'
+    if pin not in pins:
+        hint = did_you_mean(pin, pins)
+        yield f'{label}: no pin {shown(pin)}; must be one of {listed(pins)}{hint}'
+        return
+    owners = [name for name, own_pins in bodies.items() if pin in own_pins]
+    is_default = words.pin == 'to_pin' and link == FRAME_NAME
+    if link and owners and link not in owners and not is_default:
+        yield f'{label}: no link {shown(link)} at the pin {pin}; must be one of {listed(owners)}'
 
 
 def contradictions(drawing: Any) -> list[str]:

@@ -169,10 +169,10 @@ class Conversion:
         waiting = {name: body for name, body in self.bodies.items() if name not in self.axes}
         dyads = []
         while waiting:
-            found = self.next_dyad(waiting)
-            if found is None:
+            dyad = self.next_dyad(waiting)
+            if dyad is None:
                 raise ConfigurationError(self.unsolved(waiting))
-            dyads.append(found)
+            dyads.append(dyad)
             waiting = {name: body for name, body in waiting.items() if name not in self.axes}
         changes = {
             'dyads': tuple(dyads),
@@ -194,12 +194,12 @@ class Conversion:
         if any(cylinder.name == name for cylinder in self.drawing.cylinders):
             name = f'{name}_rod'
         driven = self.bodies[name]
-        found = [*(self.driven_slides(driven) if driven.on else self.driven_turns(driven))]
-        if not found:
+        candidates = [*(self.driven_slides(driven) if driven.on else self.driven_turns(driven))]
+        if not candidates:
             raise ConfigurationError(self.no_base(driven))
-        if len(found) > 1:
-            found.sort(key=lambda base: self.preference(driven, base))
-        return found[0]
+        if len(candidates) > 1:
+            candidates.sort(key=lambda base: self.preference(driven, base))
+        return candidates[0]
 
     def driven_turns(self, crank: _Body) -> Iterator[_Base]:
         """Yields the loops of a crank."""
@@ -302,22 +302,22 @@ class Conversion:
         self.at = {name: place.minus(self.origin) for name, place in self.at.items()}
         self.turn(crank, A0, A)
         if base.kind is FourBar:
-            found = self.four_bar(base)
+            found_parts = self.four_bar(base)
         elif base.kind is SliderCrank:
-            found = self.slider_crank(base)
+            found_parts = self.slider_crank(base)
         else:
-            found = self.inverted_slider_crank(base)
+            found_parts = self.inverted_slider_crank(base)
         drawn = Drawn(
             links=tuple(body.name for body in base.bodies),
-            points=(('A0', A0), ('A', A), *found.pins.items()),
+            points=(('A0', A0), ('A', A), *found_parts.pins.items()),
             crank_angle=self.at[A].angle,
-            position=found.position,
-            block=found.block,
+            position=found_parts.position,
+            block=found_parts.block,
             units=self.drawing.units,
             fixed=self.pins_of_no_link(),
         )
-        parts = {'crank': self.body(crank), 'drawn': drawn, **found.parts}
-        return self.in_assembly(cast('Any', base.kind), found.untold, **parts)
+        parts = {'crank': self.body(crank), 'drawn': drawn, **found_parts.parts}
+        return self.in_assembly(cast('Any', base.kind), found_parts.untold, **parts)
 
     def four_bar(self, base: _Base) -> _Loop:
         """Returns what a loop with a rocker adds to its crank."""

@@ -53,7 +53,7 @@ def by_element(function: Callable[..., float]) -> Callable[..., Real]:
         if not any(isinstance(x, np.ndarray) for x in values):
             return function(*values)
         rows = np.broadcast_arrays(*values)
-        found = np.fromiter(map(function, *(row.ravel().tolist() for row in rows)), float)
-        return found.reshape(rows[0].shape)
+        results = np.fromiter(map(function, *(row.ravel().tolist() for row in rows)), float)
+        return results.reshape(rows[0].shape)
 
     return apply

@@ -316,9 +316,9 @@ def torque(
     require(is_finite(*q, *outside), model.refuse, *q, *u, *a, *outside)
     pose = model.loop.pose(tuple(q))
     rates, changes = velocities(pose, u), accelerations(pose, u, a)
-    found, *_ = balance(model.within(environment), pose, rates, changes)
-    require(is_finite(found, *u, *a), model.refuse, *q, *u, *a, *outside)
-    return (found,)
+    driving_torque, *_ = balance(model.within(environment), pose, rates, changes)
+    require(is_finite(driving_torque, *u, *a), model.refuse, *q, *u, *a, *outside)
+    return (driving_torque,)
 
 
 def forward(
@@ -341,9 +341,9 @@ def forward(
     M_times_a = [torque * lever - force for lever, force in zip(levers, h_minus_Q, strict=True)]
     inertia = number(determinant(M))
     require(inertia > 0, model.massless)
-    found = solved(M, M_times_a, inertia)
-    require(is_finite(*found, *u, torque), model.refuse_torque, *q, *u, torque, *outside)
-    return found
+    result = solved(M, M_times_a, inertia)
+    require(is_finite(*result, *u, torque), model.refuse_torque, *q, *u, torque, *outside)
+    return result
 
 
 def driven(

@@ -10,13 +10,13 @@ def leaves(tree: Any) -> list[Any]:
     """Returns all values of nested tuples, in order."""
     if not isinstance(tree, tuple):
         return [tree]
-    found = []
+    values = []
     for part in tree:
         if isinstance(part, tuple):
-            found += leaves(part)
+            values += leaves(part)
         else:
-            found.append(part)
-    return found
+            values.append(part)
+    return values
 
 
 def rebuilt(tree: Any, values: Iterator[Any]) -> Any:

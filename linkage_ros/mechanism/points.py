@@ -48,8 +48,8 @@ def with_points(structure: Structure, points: Sequence[TracedPoint]) -> Structur
     Raises:
         ConfigurationError: A link is unknown, or a name is already in use.
     """
-    mistakes, found = Mistakes(), dict(structure.points)
-    taken = {*found, *(link.name for link in structure.links), 'frame'}
+    mistakes, all_points = Mistakes(), dict(structure.points)
+    taken = {*all_points, *(link.name for link in structure.links), 'frame'}
     for point in points:
         with mistakes:
             if point.name in taken:
@@ -59,6 +59,6 @@ def with_points(structure: Structure, points: Sequence[TracedPoint]) -> Structur
                 )
             taken.add(point.name)
             link = structure.link_index(point.link, f'points.{point.name}.link')
-            found[point.name] = structure.point_of(link, point.at or (0.0, 0.0))
+            all_points[point.name] = structure.point_of(link, point.at or (0.0, 0.0))
     mistakes.check()
-    return structure._replace(points=found, traced={x.name: x.link for x in points})
+    return structure._replace(points=all_points, traced={x.name: x.link for x in points})

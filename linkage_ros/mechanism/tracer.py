@@ -256,26 +256,21 @@ class Tape:
                 after the last use, so that the memory of an array can be reused.
             term: Expression for the value of a term; {} is the operation.
         """
-        lines, taken = self.lines, {line.text for line in self.lines}
-        results = [x.line for x in leaves(self.result) if isinstance(x, Symbol)]
-        uses = Counter([*results, *(x for i in self._live for x in lines[i].operands)])
-        last_use = {x: i for i in self._live for x in lines[i].operands}
-        last_use |= dict.fromkeys(results, len(lines))
-        free_names = (name for n in itertools.count(1) if (name := f't{n}') not in taken)
+        uses, last_use, free_names = self._uses(), self._last_use(), self._free_names()
         texts = dict[int, str]()  # name or expression of each line
-        before, within = list[str](), list[str]()
+        before, within = list[str](), list[str]()  # statements of `bind`, and of the function
         for i in self._live:
-            operation, operands, text = lines[i]
+            operation, operands, text = self.lines[i]
             if text:  # a constant, an argument or a literal
                 texts[i] = text
                 continue
-            read = [texts[x] for x in operands]
+            operand_texts = [texts[x] for x in operands]
             # Guards stay in order, so that the same error is raised as by the formula.
             is_inner = i in self._inner or operation == 'require'
             if operation == 'require':
-                statement = _guard_statement(guard, *read)
+                statement = _guard_statement(guard, *operand_texts)
             else:
-                expression = _expression(operation, read, for_arrays=for_arrays)
+                expression = _expression(operation, operand_texts, for_arrays=for_arrays)
                 is_short = uses[i] == 1 and len(expression) < _LONG
                 if is_inner and is_short and not for_arrays:
                     texts[i] = expression  # written where it is used
@@ -287,12 +282,32 @@ class Tape:
                 last_used = [x for x in sorted({*operands} & self._inner) if last_use[x] == i]
                 statement += _deletion([texts[x] for x in last_used])
             (within if is_inner else before).append(statement)
-        constants = [line.text for line in lines if line.operation == 'constant']
-        inputs = [line.text for line in lines if line.operation == 'input']
+        constants = [line.text for line in self.lines if line.operation == 'constant']
+        inputs = [line.text for line in self.lines if line.operation == 'input']
         result = transformed(
             lambda x: texts[x.line] if isinstance(x, Symbol) else repr(x), self.result
         )
         return Source(constants, before, inputs, within, result)
+
+    def _result_lines(self) -> list[int]:
+        """Returns the lines of the symbols in the result."""
+        return [x.line for x in leaves(self.result) if isinstance(x, Symbol)]
+
+    def _uses(self) -> Counter[int]:
+        """Counts the uses of each line by live lines and by the result."""
+        operands = (x for i in self._live for x in self.lines[i].operands)
+        return Counter([*self._result_lines(), *operands])
+
+    def _last_use(self) -> dict[int, int]:
+        """Returns the last live line that uses each line; the result is after all lines."""
+        last_use = {x: i for i in self._live for x in self.lines[i].operands}
+        return last_use | dict.fromkeys(self._result_lines(), len(self.lines))
+
+    def _free_names(self) -> Iterator[str]:
+        """Yields the names t1, t2 and so on, without those of constants and arguments."""
+        taken = {line.text for line in self.lines}
+        names_in_order = (f't{n}' for n in itertools.count(1))
+        return (name for name in names_in_order if name not in taken)
 
     @functools.cached_property
     def text(self) -> str:

@@ -36,7 +36,7 @@ class TurningFrame(NamedTuple):
 
     def wrenches(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
         """See `Load`."""
-        found = []
+        inertial_wrenches = []
         for j, body in enumerate(self.bodies):
             arm = place(body.center, links) - self.pivot
             relative = velocity(body.center, links, rates)
@@ -44,8 +44,8 @@ class TurningFrame(NamedTuple):
             coriolis = relative.left() * (2.0 * self.rate)
             force = (euler_and_centripetal + coriolis) * -body.mass
             couple = -(body.inertia * self.change)
-            found.append(Wrench(j, force=force, point=body.center, couple=couple))
-        return found
+            inertial_wrenches.append(Wrench(j, force=force, point=body.center, couple=couple))
+        return inertial_wrenches
 
     def potential(self, _links: Sequence[LinkPose]) -> Real:
         """Returns ZERO; see `Load`."""

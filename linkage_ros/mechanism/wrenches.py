@@ -105,13 +105,13 @@ def poses(bodies: Sequence[Any], positions: Sequence[Real]) -> list[LinkPose]:
         bodies: The moving links of the mechanism, each a `structure.Link`.
         positions: Positions as in `State`, rad and m.
     """
-    found = []
+    link_poses = []
     for j, position in enumerate(positions):
         spin, guide = axes_of(bodies, j)
         angle = 0.0 if spin is None else positions[spin]
         angle = angle if guide is None else angle + guide
-        found.append(LinkPose(position, Vector.at(angle), (), ()))
-    return found
+        link_poses.append(LinkPose(position, Vector.at(angle), (), ()))
+    return link_poses
 
 
 def place(point: Any, links: Sequence[LinkPose]) -> Vector:

@@ -35,8 +35,8 @@ def stamp_of(data: bytes) -> int:
     """
     if len(data) < len(ENCAPSULATION) + STAMP.size:
         return -1
-    whole, rest = STAMP.unpack_from(data, len(ENCAPSULATION))
-    return int(whole * NS_PER_S + rest)
+    seconds, nanoseconds = STAMP.unpack_from(data, len(ENCAPSULATION))
+    return int(seconds * NS_PER_S + nanoseconds)
 
 
 def align(body: bytes, size: int) -> bytes:
@@ -185,9 +185,9 @@ class JointReader:
         """
         if len(data) != self._size or self._frame.unpack_from(data) != self._constant:
             self._parse(data)
-        whole, rest, position, velocity = self._values.unpack_from(data)
+        seconds, nanoseconds, position, velocity = self._values.unpack_from(data)
         return (
-            whole * NS_PER_S + rest,
+            seconds * NS_PER_S + nanoseconds,
             None if position == _ABSENT else position,
             None if velocity == _ABSENT else velocity,
         )
@@ -273,10 +273,11 @@ def decode_trajectory(data: bytes) -> tuple[int, list[str], list[TrajectoryPoint
         names, at = _names(body)
         number, at = _count(body, at)
         for _ in range(number):
-            rows, at = _rows(body, at, 4)
+            (positions, velocities, accelerations, efforts), at = _rows(body, at, 4)
             at += -at % 4 + STAMP.size
-            whole, rest = STAMP.unpack_from(body, at - STAMP.size)
-            points.append(TrajectoryPoint._make((*rows, whole * NS_PER_S + rest)))
+            seconds, nanoseconds = STAMP.unpack_from(body, at - STAMP.size)
+            time = seconds * NS_PER_S + nanoseconds
+            points.append(TrajectoryPoint(positions, velocities, accelerations, efforts, time))
     except (struct.error, ValueError) as error:
         raise ValueError('its bytes are not a JointTrajectory') from error
     return stamp_of(data), names, points

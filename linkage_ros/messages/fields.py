@@ -115,8 +115,9 @@ class Template:
 
     def stamps(self, rows: bytes) -> npt.NDArray[np.int64]:
         """Returns the stamps in filled templates, ns."""
-        whole, rest = (self.column(rows, self.fields[field.name]) for field in STAMP_FIELDS)
-        stamps: npt.NDArray[np.int64] = whole.astype(np.int64) * NS_PER_S + rest
+        fields = [self.fields[field.name] for field in STAMP_FIELDS]
+        seconds, nanoseconds = (self.column(rows, field) for field in fields)
+        stamps: npt.NDArray[np.int64] = seconds.astype(np.int64) * NS_PER_S + nanoseconds
         return stamps
 
     def column(self, rows: Any, place: Field) -> npt.NDArray[Any]:

@@ -162,8 +162,8 @@ class LinkageNumbers:
         position, velocity, acceleration, torque, _, _ = state
         values = *position, *velocity, *acceleration, torque, unwrapped
         program = self._program if stacked else self._program.floats
-        found: tuple[Real, ...] = program(*values)
-        return found
+        numbers: tuple[Real, ...] = program(*values)
+        return numbers
 
     def effort(self, state: State) -> Real:
         """Returns the effort of the driven joint in a state, without -0.0."""
@@ -249,8 +249,8 @@ class RunTemplates:
     def of(self, names: tuple[str, ...]) -> StateTemplates:
         """Returns the templates of states that hold some linkages, in the order of `names`."""
         if names not in self._made:
-            held = [self._linkages[name] for name in names]
-            self._made[names] = StateTemplates(held, *self._others, self.names)
+            linkages = [self._linkages[name] for name in names]
+            self._made[names] = StateTemplates(linkages, *self._others, self.names)
         return self._made[names]
 
 

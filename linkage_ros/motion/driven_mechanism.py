@@ -219,10 +219,10 @@ class DrivenMechanism:
 
         It raises the errors of `Solver.accelerations`.
         """
-        found = self.solver.driven_by(self.torque, self.conditions)
+        program = self.solver.driven_by(self.torque, self.conditions)
         if not self.conditions:
-            return found
-        return lambda *y: found(*y, *self.conditions.values)
+            return program
+        return lambda *y: program(*y, *self.conditions.values)
 
     def slope(self, y: tuple[float, ...]) -> tuple[float, ...]:
         """Computes y', the rates followed by the accelerations.

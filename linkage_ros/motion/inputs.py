@@ -222,19 +222,19 @@ class SharedInput:
             UnnamedError: As for `read`.
         """
         # Literals, because dict[str, Any]() takes a tenth of the time of a record.
-        found: dict[str, Any] = {}
+        accepted: dict[str, Any] = {}
         refused: dict[str, ValueError] = {}
         unnamed: list[ValueError] = []
         for name, source in self.sources.items():
             try:
-                found[name] = read(source, data, received)
+                accepted[name] = read(source, data, received)
             except UnnamedError as error:  # noqa: PERF203, one must not affect the others
                 unnamed.append(error)
             except ValueError as error:
                 refused[name] = error
                 source.reject(error)
-        if found or refused:
-            return Received(found, refused)
+        if accepted or refused:
+            return Received(accepted, refused)
         for source, absent in zip(self.sources.values(), unnamed, strict=True):
             source.reject(absent)
         raise unnamed[0]

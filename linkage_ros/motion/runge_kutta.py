@@ -104,8 +104,8 @@ def slope_at(
     accelerations: Callable[..., Sequence[Real]], y: tuple[Real, ...]
 ) -> tuple[Real, ...]:
     """Computes y', the rates followed by the accelerations; compiled as a formula."""
-    found, half = accelerations(*y), len(y) // 2
-    return (*y[half:], *(found[i] for i in range(half)))
+    changes, half = accelerations(*y), len(y) // 2
+    return (*y[half:], *(changes[i] for i in range(half)))
 
 
 def jacobian(plant: Plant, y: tuple[Real, ...], slope: tuple[Real, ...]) -> list[list[Real]]:
@@ -119,15 +119,15 @@ def jacobian(plant: Plant, y: tuple[Real, ...], slope: tuple[Real, ...]) -> list
     Returns:
         A row for each element of y, with the derivatives of all accelerations.
     """
-    found = []
+    columns = []
     for i, (value, unit) in enumerate(zip(y, plant.units, strict=True)):
         # Step away from 0, where the force of a load may jump.
         size = _NUDGE * where(abs(value) >= unit, abs(value), unit)
         nudged = value + where(value >= 0.0, size, -size)
         there = slope_at(plant.accelerations, (*y[:i], nudged, *y[i + 1 :]))[len(y) // 2 :]
         pairs = zip(there, slope[len(y) // 2 :], strict=True)
-        found.append([(a - b) / (nudged - value) for a, b in pairs])
-    return found
+        columns.append([(a - b) / (nudged - value) for a, b in pairs])
+    return columns
 
 
 def leap(
@@ -225,34 +225,33 @@ def _solved(
         The result k_i of the stage, in the same units.
     """
     count = len(derivatives) // 2
-    by_place, by_rate = (
-        [list(row) for row in zip(*half, strict=True)]
-        for half in (derivatives[:count], derivatives[count:])
-    )
-    rows = [
+    # Of acceleration i with respect to coordinate j, and to rate j.
+    by_place = [*zip(*derivatives[:count], strict=True)]
+    by_rate = [*zip(*derivatives[count:], strict=True)]
+    matrix = [
         [float(i == j) - part * (by_rate[i][j] + part * by_place[i][j]) for j in range(count)]
         for i in range(count)
     ]
-    forces = [
+    matrix_right = [
         _GAMMA * (right[count + i] + part * total(map(operator.mul, by_place[i], right)))
         for i in range(count)
     ]
-    rates = _eliminated(rows, forces)
+    rates = _eliminated(matrix, matrix_right)
     places = (_GAMMA * value + part * rate for value, rate in zip(right, rates, strict=False))
     return (*places, *rates)
 
 
 def _eliminated(rows: Sequence[Sequence[Real]], right: Sequence[Real]) -> list[Real]:
     """Solves equations by elimination, without pivoting because the identity dominates."""
-    (pivot, *row), *others = rows
-    if not others:
-        return [right[0] / pivot]
-    factors = [other[0] / pivot for other in others]
-    rest = _eliminated(
-        [
-            [x - factor * y for x, y in zip(other[1:], row, strict=True)]
-            for factor, other in zip(factors, others, strict=True)
-        ],
-        [x - factor * right[0] for factor, x in zip(factors, right[1:], strict=True)],
-    )
-    return [(right[0] - total(map(operator.mul, row, rest))) / pivot, *rest]
+    (pivot, *row), *other_rows = rows
+    first_right, *other_rights = right
+    if not other_rows:
+        return [first_right / pivot]
+    reduced_rows, reduced_right = list[list[Real]](), list[Real]()
+    for other_row, other_right in zip(other_rows, other_rights, strict=True):
+        factor = other_row[0] / pivot
+        reduced_rows.append([x - factor * y for x, y in zip(other_row[1:], row, strict=True)])
+        reduced_right.append(other_right - factor * first_right)
+    others = _eliminated(reduced_rows, reduced_right)
+    first = (first_right - total(map(operator.mul, row, others))) / pivot
+    return [first, *others]

@@ -107,9 +107,9 @@ class Motion(ABC):
         """
         if conditions == self.conditions:
             return self
-        found = copy.copy(self)
-        found.conditions = conditions
-        return found
+        changed = copy.copy(self)
+        changed.conditions = conditions
+        return changed
 
     def next_segment(self, logged: Any) -> Segment:
         """Recomputes the segment that follows this motion, given a logged one.

@@ -143,7 +143,7 @@ class MovingLinkage:
         structure = self.simulator.solver.structure
         joint, residual = structure.driven_link, structure.loop_residual(self.state)
         force = 'driving force' if joint.slides else 'driving torque'
-        found = {
+        figures = {
             f'{joint.name} speed, {joint.units.velocity}': (
                 f'{self.state.velocity[structure.driven]:.6g}'
             ),
@@ -151,5 +151,5 @@ class MovingLinkage:
             'loop residual, m': f'{residual:.3g}',
         }
         for _, source in self.forces:
-            found.update(source.diagnostics())
-        return {f'{prefix_of(self.name, ": ")}{key}': value for key, value in found.items()}
+            figures.update(source.diagnostics())
+        return {f'{prefix_of(self.name, ": ")}{key}': value for key, value in figures.items()}

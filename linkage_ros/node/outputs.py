@@ -170,16 +170,16 @@ class Outputs:
     def health(self) -> dict[str, Health]:
         """Returns the health of log and viewer, by name."""
         workers, session = self._workers, self._session
-        found = {'log': Health(''), 'viewer': Health('')}
+        health = {'log': Health(''), 'viewer': Health('')}
         if session.log:
             log = workers['log']
-            found['log'] = Health(session.log, log.dropped, log.error or workers['sync'].error)
+            health['log'] = Health(session.log, log.dropped, log.error or workers['sync'].error)
         if session.viewer:
             # States are lost before they reach the view, and in the view if the viewer lags.
             viewer, view = workers['viewer'], self._view
             lost = viewer.dropped + view.dropped
-            found['viewer'] = Health(session.viewer, lost, viewer.error, view.trouble)
-        return found
+            health['viewer'] = Health(session.viewer, lost, viewer.error, view.trouble)
+        return health
 
     def close(self, join: Callable[..., object]) -> bool:
         """Completes log and view; returns whether the log succeeded.

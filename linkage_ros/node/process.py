@@ -137,8 +137,8 @@ def full_name(arguments: list[str], node: str) -> str:
 
     def rule(kind: str, name: str) -> str:
         pattern = f'(?:{re.escape(name)}:)?__(?:{kind}):=(.+)'
-        found = (re.fullmatch(pattern, text) for text in arguments)
-        return next((match[1] for match in found if match), '')
+        matches = (re.fullmatch(pattern, text) for text in arguments)
+        return next((match[1] for match in matches if match), '')
 
     name = rule('node|name', node) or node
     return f'{rule("ns", name)}/{name}'

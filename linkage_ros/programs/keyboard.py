@@ -74,10 +74,10 @@ class Keyboard(AbstractContextManager['Keyboard']):
                 termios.tcsetattr(self._descriptor, termios.TCSANOW, self._saved or [])
 
     def _next_key(self) -> bytes | None:
-        found = _KEY.search(self._pending)
+        key = _KEY.search(self._pending)
         # If no key is complete, the last bytes may be the start of one.
-        self._pending = self._pending[found.end() :] if found else self._pending[-2:]
-        return found[0].replace(b'O', b'[') if found else None
+        self._pending = self._pending[key.end() :] if key else self._pending[-2:]
+        return key[0].replace(b'O', b'[') if key else None
 
     def _take_terminal(self) -> bool:
         """Switches the terminal to single keys without echo; returns whether keys can be read."""

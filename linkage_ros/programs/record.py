@@ -235,9 +235,9 @@ def record_measured(
                 if not log.mcap.statistics.message_count:
                     describe(batch[0][1])
                 log.write_messages((number, time, data) for _, time, data in batch)
-                for found in run.answers((time, data) for _, time, data in batch):
-                    log.write_states(found.times, found.stamps, found.numbers, found.linkages)
-                    written += len(found.stamps)
+                for states in run.answers((time, data) for _, time, data in batch):
+                    log.write_states(states.times, states.stamps, states.numbers, states.linkages)
+                    written += len(states.stamps)
                 if stopped():
                     break
         except LogError as error:

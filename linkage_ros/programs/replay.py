@@ -257,9 +257,10 @@ def showing(
             worker.offer((item.time - item.message.time, item.message.data))
 
     try:
-        with cli.waiting('waiting for a page'):
-            while view.page and loop and not view.is_watched() and not stop.wait(_POLL_SECONDS):
-                pass
+        if loop and view.page:
+            with cli.waiting('waiting for a page'):
+                while not view.is_watched() and not stop.wait(_POLL_SECONDS):
+                    pass
         yield show
     finally:
         worker.close(_VIEW_CLOSE_SECONDS)

@@ -40,23 +40,27 @@ class Robot:
         """
         self.configuration = configuration
         linkages = configuration.linkages
-        found = [
-            Simulator(linkage, [other.crank_joint for other in linkages if other is not linkage])
-            for linkage in linkages
-        ]
-        self.simulators = {simulator.name: simulator for simulator in found}
+        self.simulators = dict[str, Simulator]()
+        for linkage in linkages:
+            other_cranks = [other.crank_joint for other in linkages if other is not linkage]
+            simulator = Simulator(linkage, other_cranks)
+            self.simulators[simulator.name] = simulator
         self.names = tuple(self.simulators)
         self.drive, session = linkages[0].drive, configuration.session
-        self.has_efforts = bool(self.drive.effort_command_topic)
-        numbers = [simulator.numbers for simulator in found]
         topic = self.drive.effort_command_topic
+        self.has_efforts = bool(topic)
+        numbers = [simulator.numbers for simulator in self.simulators.values()]
         self.templates = RunTemplates(numbers, session.frame_id, topic)
         self.ticks = TickRate(session.rate_hz)
+        self._require_distinct_wrench_topics()
+
+    def _require_distinct_wrench_topics(self) -> None:
         topics = [topic.name for forces in self.live_forces().values() for topic in forces]
-        if twice := next((name for name in topics if topics.count(name) > 1), ''):
-            raise ConfigurationError(
-                f'wrench_topic = {shown(twice)}: two loads have it; give each its own'
-            )
+        for topic in topics:
+            if topics.count(topic) > 1:
+                raise ConfigurationError(
+                    f'wrench_topic = {shown(topic)}: two loads have it; give each its own'
+                )
 
     def descriptions(self) -> dict[Topic, bytes]:
         """Returns the CDR bytes of the robot_description messages that are published, by topic."""

@@ -125,12 +125,12 @@ class Simulator:
     def live_forces(self) -> dict[Topic, LiveForce]:
         """Returns the topics of live loads, with new readers of their messages."""
         session, loads = self.linkage.session, self.linkage.mechanism.loads
-        found = [
+        forces = [
             LiveForce(load, session.joint_prefix, session.frame_id, self.name)
             for load in loads
             if isinstance(load, Force) and load.wrench_topic
         ]
-        return {force.topic: force for force in found}
+        return {force.topic: force for force in forces}
 
     def prepare_live(self) -> None:
         """Compiles the programs, and rejects a motion that is too fast for a live run.
@@ -138,9 +138,9 @@ class Simulator:
         Raises:
             ConfigurationError: A live run cannot follow the motion.
         """
-        for found in self.linkage.drive.rehearse(self.machine):
+        for coordinates in self.linkage.drive.rehearse(self.machine):
             with suppress(LinkageError):  # the run will report this error
-                self.numbers.of(self.state(found), found.unwrapped)
+                self.numbers.of(self.state(coordinates), coordinates.unwrapped)
 
     def state(self, coordinates: Coordinates) -> State:
         """Computes the state at given coordinates.

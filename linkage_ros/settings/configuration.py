@@ -211,15 +211,15 @@ class Configuration:
 
     def leaves(self) -> dict[str, Leaf]:
         """Returns the parameters that a run with these linkages may have, by full name."""
-        found = dict[str, Leaf]()
+        leaves_by_name = dict[str, Leaf]()
         for linkage in self.linkages:
             prefix = prefix_of(linkage.name, '.')
             for leaf in parameter_leaves(linkage.kind, linkage.parameters()):
-                found.setdefault(leaf.name, leaf)
+                leaves_by_name.setdefault(leaf.name, leaf)
                 if leaf.name not in OF_THE_RUN:
                     name = f'{prefix}{leaf.name}'
-                    found[name] = leaf._replace(name=name)
-        return found
+                    leaves_by_name[name] = leaf._replace(name=name)
+        return leaves_by_name
 
 
 def without_ros_parameters(values: Mapping[str, object]) -> dict[str, object]:
@@ -571,12 +571,12 @@ def _without_loads(
 def _unknown_groups(unknown: Sequence[str], valid: Sequence[str]) -> list[str]:
     """Returns unknown names; those in one unknown group are replaced by the name of the group."""
     known = {group for name in valid for group in _groups_of(name)}
-    found = list[str]()
+    groups = list[str]()
     for name in unknown:
         group = next((x for x in _groups_of(name) if x not in known), name)
         is_shared = sum(x.startswith(f'{group}.') for x in unknown) > 1
-        found.append(group if is_shared else name)
-    return list(dict.fromkeys(found))
+        groups.append(group if is_shared else name)
+    return list(dict.fromkeys(groups))
 
 
 def _groups_of(name: str) -> list[str]:

@@ -61,9 +61,9 @@ def help_on_kind(mechanism: str | None = None) -> str:
     if mechanism is None:
         others += [('mechanism', name) for name in MECHANISMS if name != kind]
     for name, value in others:
-        found = parameter_leaves(replace(usual, **{name: value}))
+        leaves_of_kind = parameter_leaves(replace(usual, **{name: value}))
         parts.append(f'also, with {name}: {value}:')
-        parts.append(help_on(leaf for leaf in found if leaf.name not in known))
+        parts.append(help_on(leaf for leaf in leaves_of_kind if leaf.name not in known))
     parts.append('also, any number of traced points, by names of your own:')
     parts.append(help_on(leaves(TracedPoint, 'points.NAME.')))
     for load, cls in LOADS.items():

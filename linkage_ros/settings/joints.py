@@ -74,8 +74,8 @@ def build_joints(values: Mapping[str, object]) -> dict[str, JointSettings]:
     Raises:
         ConfigurationError: A value is invalid.
     """
-    found = dict.fromkeys(x.split('.')[1] for x in values if x.startswith(f'{GROUP}.'))
-    return {link: build(JointSettings, values, f'{GROUP}.{link}.') for link in found}
+    links = dict.fromkeys(x.split('.')[1] for x in values if x.startswith(f'{GROUP}.'))
+    return {link: build(JointSettings, values, f'{GROUP}.{link}.') for link in links}
 
 
 def joint_values(joints: Mapping[str, JointSettings]) -> dict[str, object]:

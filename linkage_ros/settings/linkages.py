@@ -64,12 +64,12 @@ def first_parts() -> frozenset[str]:
 def _topics(values: Values) -> dict[str, str]:
     """Returns the names of all topics, as `taken` of `linkage_names`."""
     fixed = [x.name for x in vars(topics).values() if isinstance(x, topics.Topic)]
-    given = [
+    configured = [
         str(value) for name, value in values.items()
         if name.rpartition('.')[2].endswith(('command_topic', 'wrench_topic'))
     ]  # fmt: skip
-    names = [name.strip('/') for name in (*fixed, *given)] + [topics.POINTS.name.partition('/')[0]]
-    return dict.fromkeys(names, 'a topic')
+    names = [name.strip('/') for name in (*fixed, *configured)]
+    return dict.fromkeys([*names, topics.POINTS.name.partition('/')[0]], 'a topic')
 
 
 def split(values: Values, names: Sequence[str]) -> tuple[Values, dict[str, Values]]:

@@ -173,10 +173,13 @@ def _link_lengths(linkage: Linkage) -> dict[str, float]:
 
 
 def _lengths(linkage: Linkage) -> Iterator[str]:
+    """Notes lengths that were probably meant in another unit."""
     lengths = _link_lengths(linkage)
-    if linkage.drawn_mechanism is not None and lengths:
-        name, value = max(lengths.items(), key=lambda pair: pair[1])
+    if not lengths:
+        return
+    if linkage.drawn_mechanism is not None:
         unit = linkage.drawn_mechanism.drawing.units
+        name, value = max(lengths.items(), key=lambda item: item[1])
         if not _SHORT <= value <= _LONG:
             link = name.split('.')[2]
             yield (

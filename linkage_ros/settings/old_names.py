@@ -117,9 +117,9 @@ def new_name(name: str) -> str:
     """
     if name.startswith(_OLD_POINT):
         return name.replace(_OLD_POINT, 'points.NAME.at')
-    if not (found := _old_load(name)):
+    if not (old_load := _old_load(name)):
         return ''
-    old, match = found
+    old, match = old_load
     return f'loads.NAME.{old.parameters.get(match["parameter"], match["parameter"])}'
 
 
@@ -166,13 +166,13 @@ def _converted_loads(values: Mapping[str, object]) -> Members:
 
 def _present(section: str, values: Mapping[str, object]) -> Members:
     """Returns the loads or points with present names."""
-    found = Members()
+    members = Members()
     for key, value in values.items():
         first, *parts = key.split('.', 2)
         if first == section and len(parts) == 2:
             name, parameter = parts
-            found.setdefault(name, {})[parameter] = value
-    return found
+            members.setdefault(name, {})[parameter] = value
+    return members
 
 
 def _acts(load: Mapping[str, Any]) -> bool:

@@ -151,8 +151,8 @@ class View:
 
     def is_watched(self) -> bool:
         """Returns whether a viewer is connected to the served data; True if this is unknown."""
-        found = connections(self._address[1]) if self._address else None
-        return found is None or found > 1  # one connection is that of this process
+        count = connections(self._address[1]) if self._address else None
+        return count is None or count > 1  # one connection is that of this process
 
     def close(self) -> None:
         """Sends the remaining samples and disconnects within 3 s, even if the viewer hangs."""

@@ -142,9 +142,9 @@ class MeasuredCrank(Input):
                 followed by a colon and details.
         """
         before = self.tracked()
-        stamp, found = self.measure(data, received)
+        stamp, measured = self.measure(data, received)
         try:
-            self._require_states(found)
+            self._require_states(measured)
         except ValueError:
             self.take_back(before)
             raise
@@ -152,7 +152,7 @@ class MeasuredCrank(Input):
         if self._is_heard and now - self._last > self._silence:
             self._losses.add()
         self._last, self._is_heard = now, True
-        return stamp, found
+        return stamp, measured
 
     def tracked(self) -> tuple[Tracked, Tracked | None]:
         """Returns the state of the filters, for `take_back`."""
