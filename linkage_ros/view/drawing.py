@@ -10,7 +10,7 @@ import math
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -31,16 +31,49 @@ _MARK, _SCALE = 0.04, 0.25
 _PIVOT_HEIGHT = 1.4  # height of a pivot's symbol with its ground, marks
 # Distance of a label from a pin, and from the pin of a slider's block; height of a label; marks.
 _LABEL_DISTANCE, _LABEL_BEYOND_BLOCK, _LABEL_HEIGHT = 1.5, 1.9, 1.4
-# Corners of a block and midpoints of its sides, marks; their order along its outline; how far its
-# guide exceeds the stroke, and half the width of its slot, marks.
+# Corners of a block and midpoints of its sides, marks; how far its guide exceeds the stroke, and
+# half the width of its slot, marks.
 _BLOCK = np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j, 1, -1, -0.6j])
-_OUTLINE = (0, 1, 2, 3, 0)
+_OUTLINE, _MIDDLE = (0, 1, 2, 3, 0), 4  # order of the corners, and first of the midpoints
 _BEYOND, _HALF_SLOT = 1.6, 0.9
 _STEPS_PER_TURN = 360
 _BEFORE_END = 1e-9  # distance from the ends of an arc or of a dyad's reach, relative to its length
 # Grid of crank angles and slider positions of a mechanism with a free slider.
 _ANGLES, _POSITIONS = 72, 121
 _SAME_PLACE = 1e-9  # distance of points at one place, relative to the largest distance
+
+
+class _Axis(NamedTuple):
+    """Two points that give the direction of a link.
+
+    Attributes:
+        start: Name of the first point.
+        end: Name of the second point.
+        arm: Vector from the first to the second in the axes of the link, m.
+        offset: Instead of `arm`, the distance of the second from the line through the first in the
+            direction of the link, along which a rod slides, m.
+    """
+
+    start: str
+    end: str
+    arm: complex = 0j
+    offset: float | None = None
+
+
+class _Guide(NamedTuple):
+    """A guide on a moving link.
+
+    Attributes:
+        start: Name of a point of the link.
+        first: Vector from there to the first end of the guide, in the axes of a link, m.
+        last: Vector to its other end.
+        spin: Index of the link with these axes; see `Corner`.
+    """
+
+    start: str
+    first: complex
+    last: complex
+    spin: int | None
 
 
 class Drawing:
@@ -96,14 +129,14 @@ class Drawing:
         self._has_slots = drawn is not None  # a cylinder of a drawing is no dyad
         self.unnamed = structure.mouth if drawn and not self._block else ''
         self._find_points(structure, positions, drawn.fixed if drawn else ())
-        asides = self._find_owners(structure)
+        carriers = self._find_owners(structure)
         swept = self.place(positions)
         in_reach = np.concatenate([self.pivots, swept.reshape(-1, 2)])
         self._mark = _MARK * np.ptp(in_reach, axis=0).max()
         self.paths = {
             pin: swept[:, self.pins.index(pin)] for pin in self.owners if mechanism.reach()
         }
-        self._connect(asides, self._hidden(mechanism, positions), positions)
+        self._connect(carriers, self._hidden(mechanism, positions), positions)
         self.ground = self._ground(swept)
         self.pivot_labels = self._pivot_labels(swept)
         self._arrows = LoadArrows(mechanism, self._mark, positions)
@@ -142,17 +175,17 @@ class Drawing:
         # barrel or of the link with the slot.
         self._pairs = dict[int, tuple[str, str]]()
         loop = self._add_loop(structure)
-        asides = self._add_dyads(structure)
-        known = {*loop, *asides, *self.owners}
+        carriers = self._add_dyads(structure)
+        known = {*loop, *carriers, *self.owners}
         for name in self.pins:
             if name not in known:  # a traced point, or else a point of the last link that moves it
                 *_, link = np.flatnonzero(structure.points[name].weights)
-                asides[name] = structure.traced.get(name, self.joints[link])
+                carriers[name] = structure.traced.get(name, self.joints[link])
         # A traced point at a pin is that pin.
         links = {self._names[structure.points[x]]: link for x, link in structure.traced.items()}
         self.traced = tuple(name for name in links if name in self.pins)
         self.owners |= {name: links[name] for name in self.traced if name not in self.owners}
-        return asides
+        return carriers
 
     def _add_loop(self, structure: Structure) -> list[str]:
         """Finds the ends and owners in the loop; returns its points in order."""
@@ -210,33 +243,39 @@ class Drawing:
         """Adds the pins of dyads; returns the links that carry their ends, by point."""
         carriers = dict[str, str]()
         for dyad, (_, j) in zip(structure.added, structure.closures[1:], strict=True):
-            first, last = self.joints[j - 1], self.joints[j]
+            i = j - 1  # the dyad's links are i and j
+            first, last = self.joints[i], self.joints[j]
             start, joint, *others = (self._names[structure.points[x]] for x in dyad.pins)
-            if self._links[j].slides and self._links[j].parent == j - 1:
+            if self._links[j].slides and self._links[j].parent == i:
                 pivot = joint  # a barrel has no joint
-                if self._has_slots:
-                    self._add_slot(j, pivot, start)
-                else:
-                    self._mouths[j] = mouth = f'mouth of {first}'
-                    self._pairs[j - 1] = pivot, start
-                    self.ends |= {first: (pivot, mouth), last: (mouth, start)}
-                carried_ends = {j - 1: pivot}  # by the index of the dyad's link
+                self._add_rod(j, pivot, start)
+                carried_ends = {i: pivot}  # by the index of the dyad's link
             else:
                 self.owners[joint] = last
                 self.ends[first] = start, joint
-                carried_ends = {j - 1: start}
-            if others:
-                (end,) = others
-                self.ends[last] = end, joint
-                carried_ends[j] = end
-            elif j - 1 not in self._pairs:
-                self._blocks[j] = joint
+                carried_ends = {i: start}
+                if others:
+                    (end,) = others
+                    self.ends[last] = end, joint
+                    carried_ends[j] = end
+                else:
+                    self._blocks[j] = joint
             for link, end in carried_ends.items():
                 carrier = self._links[link].parent
                 is_pin_of_carrier = end not in dyad.pins
                 if carrier is not None and not is_pin_of_carrier:
                     carriers[end] = self.joints[carrier]
         return carriers
+
+    def _add_rod(self, j: int, pivot: str, pin: str) -> None:
+        """Adds a dyad's barrel j - 1, which turns about a pivot, and its rod j with a pin."""
+        if self._has_slots:
+            self._add_slot(j, pivot, pin)
+            return
+        barrel, rod = self.joints[j - 1 : j + 1]
+        self._mouths[j] = mouth = f'mouth of {barrel}'
+        self._pairs[j - 1] = pivot, pin
+        self.ends |= {barrel: (pivot, mouth), rod: (mouth, pin)}
 
     def _add_slot(self, j: int, pivot: str, pin: str) -> None:
         """Adds a link that turns about a pivot, and link j, which slides on it and has a pin.
@@ -259,90 +298,110 @@ class Drawing:
         and a number, its four corners, the midpoints of three of its sides and, if its guide
         moves, the ends of the guide and the corners of its slot.
         """
-        structure, found = mechanism.structure(), dict[str, Corner]()
+        structure, corners = mechanism.structure(), dict[str, Corner]()
         for j, name in self._mouths.items():
             nearest, farthest = positions[:, j].min(), positions[:, j].max()
             inner = nearest if nearest > self._mark else farthest
             pivot, _ = self.ends[self.joints[j - 1]]
-            found[name] = Corner(pivot, inner + self._links[j].origin, j - 1)
+            corners[name] = Corner(pivot, inner + self._links[j].origin, j - 1)
         for j, pin in self._blocks.items():
-            spin, guide = axes_of(self._links, j)
-            axis = cmath.rect(1.0, guide or 0.0)
-            block = self._mark * axis * _BLOCK
-            found |= {f'{j} {i}': Corner(pin, x, spin) for i, x in enumerate(block.tolist())}
-            link, room = self._links[j], _BEYOND * self._mark
-            if link.parent is not None:
-                (spin, above), stroke = axes_of(self._links, link.parent), positions[:, j]
-                start = self._names[structure.point_of(link.parent, (0.0, 0.0))]
-                ends = [link.origin + cmath.rect(x, link.angle) for x in _beyond(stroke, room)]
-                ends = [end * cmath.rect(1.0, above or 0.0) for end in ends]
-            elif j in self._pairs:  # the guide is on the link that slides in this one
-                (_, start), rod = self._pairs[j], self._links[j + 1]
-                ends = [-x - rod.origin for x in _beyond(positions[:, j + 1], room)]
-            else:
-                continue
-            across = _HALF_SLOT * self._mark * (1j * (ends[1] - ends[0]) / abs(ends[1] - ends[0]))
-            for numbers, aside in zip((GUIDE, *SIDES), (0j, across, -across), strict=True):
-                for i, end in zip(numbers, ends, strict=True):
-                    found[f'{j} {i}'] = Corner(start, end + aside, spin)
-        spins = {corner.spin for corner in found.values() if corner.spin is not None}
-        self._turned = {j: self._axis_of(j, mechanism) for j in spins}
-        return found
+            spin, direction = axes_of(self._links, j)
+            block = self._mark * cmath.rect(1.0, direction or 0.0) * _BLOCK
+            corners |= {f'{j} {i}': Corner(pin, x, spin) for i, x in enumerate(block.tolist())}
+            guide = self._guide_of(j, structure, positions)
+            if guide:
+                corners |= self._slot_corners(j, guide)
+        spins = {corner.spin for corner in corners.values() if corner.spin is not None}
+        self._axes = {j: self._axis_of(j, mechanism) for j in spins}
+        return corners
 
-    def _axis_of(self, j: int, mechanism: Mechanism) -> tuple[str, str, complex, float | None]:
-        """Returns what gives the direction of a link: two of its points, and their distance.
+    def _guide_of(self, j: int, structure: Structure, positions: Array) -> _Guide | None:
+        """Returns the guide of block j; None if it is fixed."""
+        link, margin = self._links[j], _BEYOND * self._mark
+        if link.parent is not None:
+            spin, direction = axes_of(self._links, link.parent)
+            start = self._names[structure.point_of(link.parent, (0.0, 0.0))]
+            places = _beyond(positions[:, j], margin)
+            ends = [link.origin + cmath.rect(x, link.angle) for x in places]
+            first, last = (end * cmath.rect(1.0, direction or 0.0) for end in ends)
+            return _Guide(start, first, last, spin)
+        if j in self._pairs:  # the guide is on the link that slides in this one
+            (_, start), rod = self._pairs[j], self._links[j + 1]
+            first, last = (-x - rod.origin for x in _beyond(positions[:, j + 1], margin))
+            spin, _ = axes_of(self._links, j)
+            return _Guide(start, first, last, spin)
+        return None
 
-        Returns:
-            The names of the points, the vector from the first to the second in the axes of the
-            link, m, and the offset of a sliding pair, m, instead of this vector; else None.
-        """
+    def _slot_corners(self, j: int, guide: _Guide) -> dict[str, Corner]:
+        """Returns the ends of the guide of block j and the corners of its slot, by name."""
+        ends, along = (guide.first, guide.last), guide.last - guide.first
+        across = _HALF_SLOT * self._mark * (1j * along / abs(along))
+        corners = dict[str, Corner]()
+        for numbers, aside in zip((GUIDE, *SIDES), (0j, across, -across), strict=True):
+            for i, end in zip(numbers, ends, strict=True):
+                corners[f'{j} {i}'] = Corner(guide.start, end + aside, guide.spin)
+        return corners
+
+    def _axis_of(self, j: int, mechanism: Mechanism) -> _Axis:
+        """Returns two points that give the direction of link j."""
         structure, name = mechanism.structure(), self.joints[j]
         if j in self._pairs:
-            return *self._pairs[j], 0j, self._links[j + 1].origin.imag
+            pivot, pin = self._pairs[j]
+            return _Axis(pivot, pin, offset=self._links[j + 1].origin.imag)
         start = self._names[structure.point_of(j, (0.0, 0.0))]
         (end,) = (x for x in self.ends[name] if x != start)
         one, other = (structure.points[x].weights[j] for x in (start, end))
-        return start, end, other - one or mechanism.parts()[name].length, None
+        return _Axis(start, end, arm=other - one or mechanism.parts()[name].length)
 
     def _connect(
-        self, asides: dict[str, str], hidden: dict[str, Corner], positions: Array
+        self, carriers: dict[str, str], corners: dict[str, Corner], positions: Array
     ) -> None:
-        """Determines the corners of the links and the directions that labels must avoid."""
-        at = self._places(hidden, positions)
+        """Determines the corners of the links and the directions that labels must avoid.
+
+        Args:
+            carriers: The link of each point that is not an end of a link, by point.
+            corners: Result of `_hidden`, to which the corners of bars to slots are added.
+            positions: Positions of the links in reach, rad and m, shape (n, links).
+        """
         carried: dict[str, list[str]] = {link: [] for link in self.joints}
-        for point, link in asides.items():
+        for point, link in carriers.items():
             carried[link].append(point)
+        slots = self._slots(corners, positions)
+        shapes = {
+            link: _shape(ends, carried[link], slots[link]) for link, ends in self.ends.items()
+        }
+        sides = [side for shape in shapes.values() for side in pairwise(shape)]
+        for j, pin in self._blocks.items():
+            link, block = self.joints[j], [f'{j} {i}' for i in range(len(_BLOCK))]
+            shapes[link] = _block_shape(block, pin, carried[link], slots[link])
+            sides += [(pin, end) for end in (*carried[link], *block[_MIDDLE:])]
+        for j in self._blocks:
+            if j in self._pairs:  # a rod slides in this block
+                shapes[self.joints[j + 1]] += [f'{j} {i}' for i in GUIDE]
+        self._shown, self._more = [*self.pins, *self.pivot_names, *corners], [*corners.values()]
+        self._corners = {link: [*map(self._shown.index, shapes[link])] for link in self.joints}
+        self._find_neighbours(sides)
+
+    def _slots(self, corners: dict[str, Corner], positions: Array) -> dict[str, list[Slot]]:
+        """Returns the slots in each link, by the link; see `_connect`."""
+        places = self._places(corners, positions)
         slots: dict[str, list[Slot]] = {link: [] for link in self.joints}
         for j in self._blocks:
             carrier = self._links[j].parent
             if j not in self._pairs and carrier is not None:
-                slots[self.joints[carrier]].append(Slot(j, at, hidden))
-        shapes = {
-            link: _shape(ends, carried[link], slots[link]) for link, ends in self.ends.items()
-        }
-        names = [*self.pins, *self.pivot_names, *hidden]
-        self._shown, self._more = names, [*hidden.values()]
-        sides = [side for shape in shapes.values() for side in pairwise(shape)]
-        for j, pin in self._blocks.items():
-            block, points = [f'{j} {i}' for i in range(len(_BLOCK))], carried[self.joints[j]]
-            shape = [block[i] for i in _OUTLINE]
-            if points:
-                shape.append(block[4])  # along a side, then inwards to the pin
-            for point in points:
-                shape += [pin, point]
-                sides.append((pin, point))
-            for slot in slots[self.joints[j]]:
-                shape += [block[4], pin, *slot.joined([pin]), pin, block[4]]
-            shapes[self.joints[j]] = shape
-            sides += [(pin, middle) for middle in block[4:]]
-        for j in self._blocks:
-            if j in self._pairs:  # a rod slides in this block
-                shapes[self.joints[j + 1]] += [f'{j} {i}' for i in GUIDE]
-        self._corners = {link: [*map(names.index, shapes[link])] for link in self.joints}
-        sides += [side[::-1] for side in sides]
-        ways = [[names.index(end) for start, end in sides if start == pin] for pin in self.pins]
-        most = max(map(len, ways))
-        self._ways = [(way * most)[:most] for way in ways]
+                slots[self.joints[carrier]].append(Slot(j, places, corners))
+        return slots
+
+    def _find_neighbours(self, sides: list[tuple[str, str]]) -> None:
+        """Finds the ends of the sides at each pin, between which its label is placed."""
+        both_ways = [*sides, *(side[::-1] for side in sides)]
+        neighbours = [
+            [self._shown.index(end) for start, end in both_ways if start == pin]
+            for pin in self.pins
+        ]
+        most = max(map(len, neighbours))
+        # Repeated, so that each pin has the same number of them.
+        self._neighbours = [(ends * most)[:most] for ends in neighbours]
         distances = [
             _LABEL_BEYOND_BLOCK if pin in self._blocks.values() else _LABEL_DISTANCE
             for pin in self.pins
@@ -409,8 +468,8 @@ class Drawing:
         Returns:
             Positions of the labels, of the same shape, m.
         """
-        ways = self._all_corners(points)[:, self._ways] - points[:, :, np.newaxis]
-        angles = np.sort(np.arctan2(ways[..., 1], ways[..., 0]), axis=2)
+        sides = self._all_corners(points)[:, self._neighbours] - points[:, :, np.newaxis]
+        angles = np.sort(np.arctan2(sides[..., 1], sides[..., 0]), axis=2)
         gaps = np.diff(angles, axis=2, append=angles[:, :, :1] + 2 * math.pi)
         widest = gaps.argmax(axis=2)[:, :, np.newaxis]
         middle = np.take_along_axis(angles + 0.5 * gaps, widest, axis=2)
@@ -419,28 +478,25 @@ class Drawing:
         return np.asarray(points + away + [0.0, 0.5 * _LABEL_HEIGHT * self._mark])
 
     def _all_corners(self, points: Array) -> Array:
+        """Computes pins, pivots and hidden corners in the order of `_shown`, as `place` does."""
         pivots = np.broadcast_to(self.pivots, (len(points), *self.pivots.shape))
         known = np.concatenate([points, pivots], axis=1) @ (1, 1j)
-        turned: dict[int | None, Any] = {None: 1.0}
-        for corner in self._more:
-            if corner.spin not in turned:
-                axis = self._turned[cast('int', corner.spin)]
-                turned[corner.spin] = self._directions(known, *axis)
-        more = [
-            known[:, self._shown.index(start)] + arm * turned[spin]
+        directions: dict[int | None, Any] = {None: 1.0}
+        for spin, axis in self._axes.items():
+            directions[spin] = self._directions(known, axis)
+        corners = [
+            known[:, self._shown.index(start)] + arm * directions[spin]
             for start, arm, spin in self._more
         ]
-        return plane(np.concatenate([known, *(x[:, np.newaxis] for x in more)], axis=1))
+        return plane(np.column_stack([known, *corners]))
 
-    def _directions(
-        self, known: Complex, start: str, end: str, arm: complex, offset: float | None
-    ) -> Complex:
-        """Returns the direction of a link, as e^(i angle), from `_axis_of` and known points."""
-        apart = known[:, self._shown.index(end)] - known[:, self._shown.index(start)]
-        if offset is None:
-            return np.asarray(apart / arm)
-        place = np.sqrt(np.maximum(abs(apart) ** 2 - offset**2, 0.0))
-        return np.asarray(apart / (place + 1j * offset))
+    def _directions(self, known: Complex, axis: _Axis) -> Complex:
+        """Returns the direction of a link in n positions, as e^(i angle), from known points."""
+        apart = known[:, self._shown.index(axis.end)] - known[:, self._shown.index(axis.start)]
+        if axis.offset is None:
+            return np.asarray(apart / axis.arm)
+        place = np.sqrt(np.maximum(abs(apart) ** 2 - axis.offset**2, 0.0))
+        return np.asarray(apart / (place + 1j * axis.offset))
 
 
 def _shape(ends: tuple[str, str], points: list[str], slots: list[Slot]) -> list[str]:
@@ -452,6 +508,26 @@ def _shape(ends: tuple[str, str], points: list[str], slots: list[Slot]) -> list[
         shape += [point, ends[i % 2]]  # a triangle with both ends
     for slot in slots:
         shape += slot.joined([min((*ends, *points), key=slot.distance)])
+    return shape
+
+
+def _block_shape(block: list[str], pin: str, points: list[str], slots: list[Slot]) -> list[str]:
+    """Returns the corners of a block: its outline, then lines from its pin.
+
+    Args:
+        block: Names of its corners, in the order of `_BLOCK`.
+        pin: Its pin.
+        points: Further points of its link.
+        slots: Slots in its link.
+    """
+    shape = [block[i] for i in _OUTLINE]
+    middle = block[_MIDDLE]
+    if points:
+        shape.append(middle)  # along a side, then inwards to the pin
+    for point in points:
+        shape += [pin, point]
+    for slot in slots:
+        shape += [middle, pin, *slot.joined([pin]), pin, middle]
     return shape
 
 
@@ -497,8 +573,8 @@ def _reach(mechanism: Mechanism, crank_angle: float) -> Array:
         # Near an end, the links move with the square root of the distance to it, so even steps of
         # the crank would truncate the paths. At the end itself, the rates are infinite.
         even = np.linspace(-1, 1, _STEPS_PER_TURN + 1)
-        way = (1 - _BEFORE_END) * np.sin(0.5 * math.pi * even)
-        crank = 0.5 * (start + end) + 0.5 * (end - start) * way
+        uneven = (1 - _BEFORE_END) * np.sin(0.5 * math.pi * even)
+        crank = 0.5 * (start + end) + 0.5 * (end - start) * uneven
     # Loads do not change the positions, but with friction, not all of them have forces.
     moving = Solver(replace(cast('Any', mechanism), loads=()))
     return np.stack(moving.state(crank).position, axis=-1)
@@ -530,25 +606,44 @@ def _area(solver: Solver, start: float) -> Array:
 
     In this range, the dyad closes at every crank angle, or at some crank angle if the start does
     not allow every one.
+
+    Args:
+        solver: Solver of the mechanism.
+        start: Position of the slider at the start, m.
+
+    Returns:
+        Positions of the links, rad and m, shape (n, links).
     """
     crank, coupler, rod = (abs(weight) for weight in solver.structure.closure.weights if weight)
     longest = crank + coupler + rod
-    places = np.linspace(-longest, longest, _POSITIONS)
+    sliders = np.linspace(-longest, longest, _POSITIONS)
     angles = np.linspace(0, 2 * math.pi, _ANGLES, endpoint=False)
-    place, angle = np.meshgrid(places, angles, indexing='ij')
-    span = abs(place - crank * np.exp(1j * angle))
-    room = _BEFORE_END * longest
-    closes = (span > abs(coupler - rod) + room) & (span < coupler + rod - room)
-    middle = int(abs(places - start).argmin())
-    possible = closes.all(axis=1) if closes[middle].all() else closes.any(axis=1)
-    gaps = np.flatnonzero(~possible)
-    first, last = gaps[gaps < middle].max(initial=-1), gaps[gaps > middle].min(initial=_POSITIONS)
-    closes[: first + 1] = closes[last:] = False
-    found = []
-    for q in zip(angle[closes].tolist(), place[closes].tolist(), strict=True):
+    slider, angle = np.meshgrid(sliders, angles, indexing='ij')
+    # The coupler and the rod are a dyad between the crank pin and the slider's pin.
+    distance = abs(slider - crank * np.exp(1j * angle))
+    margin = _BEFORE_END * longest
+    closes = (distance > abs(coupler - rod) + margin) & (distance < coupler + rod - margin)
+    closes &= _rows_around(int(abs(sliders - start).argmin()), closes)[:, np.newaxis]
+    positions = []
+    for q in zip(angle[closes].tolist(), slider[closes].tolist(), strict=True):
         with suppress(UnreachableError):  # a dyad may not close
-            found.append(solver.state(q).position)
-    return np.array(found)
+            positions.append(solver.state(q).position)
+    return np.array(positions)
+
+
+def _rows_around(start: int, closes: Array) -> Array:
+    """Returns which rows of a grid are in the range around the start; see `_area`.
+
+    Args:
+        start: Row of the start.
+        closes: Whether the dyad closes, by position of the slider and by crank angle.
+    """
+    is_possible = closes.all(axis=1) if closes[start].all() else closes.any(axis=1)
+    gaps = np.flatnonzero(~is_possible)
+    before = gaps[gaps < start].max(initial=-1)
+    after = gaps[gaps > start].min(initial=len(closes))
+    rows = np.arange(len(closes))
+    return np.asarray((before < rows) & (rows < after))
 
 
 def _names_of_places(structure: Structure, positions: Array) -> dict[Point, str]:
@@ -562,26 +657,27 @@ def _names_of_places(structure: Structure, positions: Array) -> dict[Point, str]
     weights, fixed = np.array([x.weights for x in points]), np.array([x.fixed for x in points])
     paths = placed(structure.links, weights, fixed, positions)
     near = _SAME_PLACE * abs(paths).max()
-    moves = np.array(
-        [any(x.weights) for x in points]
-    )  # a pin of a moving link is none of the frame's, even at rest
-    found = {}
-    for point, path, is_moving in zip(points, paths.T, moves, strict=True):
-        is_same = (abs(paths.T - path).max(axis=1) <= near) & (moves == is_moving)
-        found[point] = names[int(is_same.argmax())]
-    return found
+    # A pin of a moving link is none of the frame's, even at rest.
+    are_moving = np.array([any(x.weights) for x in points])
+    names_of_points = dict[Point, str]()
+    for point, path, is_moving in zip(points, paths.T, are_moving, strict=True):
+        is_same = (abs(paths.T - path).max(axis=1) <= near) & (are_moving == is_moving)
+        names_of_points[point] = names[int(is_same.argmax())]
+    return names_of_points
 
 
 def _pins_of_the_loop(structure: Structure) -> list[str]:
     """Returns the names of the pins between the links that turn, in the order of the loop."""
     names = {point: name for name, point in reversed(structure.points.items())}
-    way, rest = structure.closure.weights, (0j,) * len(structure.links)
-    found = []
-    for count in range(sum(map(bool, way)) + 1):  # the two links of a pin may be in either order
-        there = names.get(Point(way[:count] + rest[count:]))
-        back = Point(rest[:count] + tuple(-w for w in way[count:]), -structure.closure.fixed)
-        found.append(there or names[back])
-    return found
+    weights, zeros = structure.closure.weights, (0j,) * len(structure.links)
+    pins = []
+    for count in range(sum(map(bool, weights)) + 1):
+        # The structure may give a pin by the links before it in the loop, or by those after it.
+        by_links_before = Point(weights[:count] + zeros[count:])
+        after = tuple(-weight for weight in weights[count:])
+        by_links_after = Point(zeros[:count] + after, -structure.closure.fixed)
+        pins.append(names.get(by_links_before) or names[by_links_after])
+    return pins
 
 
 def _pivot(pivot: Array, size: float) -> list[Array]:
