@@ -156,6 +156,7 @@ def add_commands(parser: argparse.ArgumentParser, commands: Mapping[str, Command
 def _described(
     name: str, purpose: str, examples: tuple[str, ...], notes: str = ''
 ) -> dict[str, Any]:
+    """Returns the arguments of a parser for its description and examples."""
     lines = ['examples:', *(f'  {name} {example}'.rstrip() for example in examples), '', notes]
     sentence = f'{purpose[0].upper()}{purpose[1:].rstrip(".")}.'
     return {

@@ -204,6 +204,7 @@ class Quantity:
         return re.fullmatch(self.pattern or _ANY, text) is not None
 
     def _number(self, value: object) -> float | None:
+        """Converts a value to a valid number; returns None if it is none."""
         if isinstance(value, str):
             angle = _radians(value) if self._is_angle else None
             if angle is None or not self.low <= angle <= self.high:

@@ -422,6 +422,7 @@ def _remedy(file: McapFile) -> str:
 
 
 def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics) -> LoggedTopic:
+    """Describes a channel."""
     schema = schemas[channel.schema_id] if channel.schema_id else Schema(0, b'', '', '')
     return LoggedTopic(
         channel.id,

@@ -254,6 +254,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
             raise
 
     def _append(self, items: Sequence[Any]) -> None:
+        """Writes items, each as its kind requires."""
         # Write adjacent states or messages together, which is much faster.
         for (kind, linkages), group in groupby(items, _kind):
             if kind is LoggedState:

@@ -344,6 +344,7 @@ def _outside(place: Sequence[float], low: Sequence[float], high: Sequence[float]
 
 
 def _bad_names(outline: Outline) -> Iterator[str]:
+    """Yields the mistakes in names of pins and parts."""
     seen = dict[str, str]()
     names = [(f'drawing.pins.{name}', name) for name in outline.drawing.pins]
     parts = [(x.label, x.part.name) for x in outline.parts]
@@ -378,6 +379,7 @@ def _bad_lists(outline: Outline) -> Iterator[str]:
 
 
 def _bad_lengths(outline: Outline) -> Iterator[str]:
+    """Yields the lengths of links that have another shape than a line between two pins."""
     slide_on = {on: name for name, on in outline.guides.items()}
     for label, link, pins, is_certain in outline.links:
         if link.length in {None, UNKNOWN}:
@@ -417,6 +419,7 @@ def _bad_pins(outline: Outline) -> Iterator[str]:
 
 
 def _bad_slides(outline: Outline) -> Iterator[str]:
+    """Yields the mistakes in slides."""
     names = [x.part.name for x in (*outline.links, *outline.slides)]
     for label, slide, pins, _ in outline.slides:
         if bool(slide.pin) == bool(slide.pins):
@@ -445,6 +448,7 @@ def _bad_cylinders(outline: Outline) -> Iterator[str]:
 
 
 def _bad_centers(outline: Outline) -> Iterator[str]:
+    """Yields the mistakes in centres of mass."""
     for label, part, pins, _ in outline.links:
         yield from _bad_center(outline, label, part, pins)
     for label, slide, pins, _ in outline.slides:

@@ -236,12 +236,12 @@ class Dyad(Checked):
     @property
     def references(self) -> dict[str, str]:
         """The links that carry the dyad, by parameter."""
-        found = {'from': self.from_}
+        ends = {'from': self.from_}
         if self.to is not None:
-            found['to'] = self.to
+            ends['to'] = self.to
         if self.slider is not None:
-            found['slider.on'] = self.slider.on
-        return {f'dyads.{self.name}.{end}': link for end, link in found.items()}
+            ends['slider.on'] = self.slider.on
+        return {f'dyads.{self.name}.{end}': link for end, link in ends.items()}
 
     def loop(self, structure: Any) -> 'TwoLinks | LinkAndSlider | BarrelAndRod':
         """Returns the kinematic constants, given the structure of the whole mechanism."""

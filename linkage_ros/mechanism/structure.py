@@ -505,6 +505,7 @@ class Structure(NamedTuple):
 
 
 def _two_links(wide: Structure, dyad: Any, i: int, j: int) -> _New:
+    """Returns two links, joined by a pin, whose other ends are at pins."""
     (name, other), (start, end) = dyad.parts, wide.ends(dyad)
     joint = start.point.along(i, dyad.first.length)
     first = Link.carried(name, dyad.first, i, start)
@@ -517,6 +518,7 @@ def _two_links(wide: Structure, dyad: Any, i: int, j: int) -> _New:
 
 
 def _link_and_slider(wide: Structure, dyad: Any, i: int, j: int) -> _New:
+    """Returns a link from a pin to a slider, whose guide may be on a moving link."""
     (name, other), (start, guide), slider = dyad.parts, wide.ends(dyad), dyad.slider
     first = Link.carried(name, dyad.first, i, start)
     joint = start.point.along(i, dyad.first.length)
@@ -541,6 +543,7 @@ def _link_and_slider(wide: Structure, dyad: Any, i: int, j: int) -> _New:
 
 
 def _barrel_and_rod(wide: Structure, dyad: Any, i: int, j: int) -> _New:
+    """Returns a barrel at the second end, and a rod that slides in it, at the first end."""
     (name, other), (start, end), rod = dyad.parts, wide.ends(dyad), dyad.rod
     barrel = Link.carried(name, dyad.barrel, i, end)
     last = Link(

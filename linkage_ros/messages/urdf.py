@@ -116,6 +116,7 @@ def _rgba(color: Color) -> str:
 
 
 def _link(link: RigidLink, color: Color) -> ET.Element:
+    """Returns the element of a link: its box, colour and inertia."""
     # The parameters define only izz; for a flat body, ixx + iyy = izz.
     half = repr(link.inertia / 2)
     return element(
@@ -140,6 +141,7 @@ def _link(link: RigidLink, color: Color) -> ET.Element:
 
 
 def _joint(link: RigidLink, parent: str, reach: str) -> ET.Element:
+    """Returns the element of the joint of a link; `reach` limits a sliding one, m."""
     joint, limits = link.joint, list[ET.Element]()
     if joint.slides:
         span = {'lower': f'-{reach}', 'upper': reach}

@@ -219,6 +219,7 @@ class Spline(NamedTuple):
             turns = periods * self.turns
         i = min(bisect_right(self.times, time), len(self.rows)) - 1
         seconds = (time - self.times[i]) / NS_PER_S
+        # Horner's method for the polynomial, its rate, and half its second derivative, `bend`.
         angle = rate = bend = 0.0
         for factor in reversed(self.rows[i]):
             bend = bend * seconds + rate
@@ -238,6 +239,7 @@ class Spline(NamedTuple):
                 turns = periods * self.turns
             piece = np.minimum(np.searchsorted(starts, times, 'right'), len(self.rows)) - 1
             seconds = (times - starts[piece]) / NS_PER_S
+            # As in `at`.
             angle = rate = bend = np.zeros_like(times)
             for factor in factors[::-1, piece]:
                 bend = bend * seconds + rate

@@ -399,6 +399,7 @@ def _state_publisher(
     values: Mapping[str, object],
     remappings: Sequence[tuple[str, str]],
 ) -> Any:
+    """Returns a robot_state_publisher with parameters."""
     publisher = ros_node(
         arguments,
         package='robot_state_publisher',

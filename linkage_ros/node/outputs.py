@@ -66,6 +66,7 @@ class Outputs:
                 raise
 
     def _open_view(self, robot: Robot) -> None:
+        """Opens the view, and says where it is."""
         from linkage_ros.view.rerun_connection import View
         from linkage_ros.view.viewer_process import open_page
 
@@ -89,6 +90,7 @@ class Outputs:
         )
 
     def _open_log(self, robot: Robot, others: Iterable[Topic]) -> None:
+        """Creates the log, and syncs it to the disk from time to time."""
         from linkage_ros.log.disk import DiskSync
         from linkage_ros.log.records import Gap
         from linkage_ros.log.writer import LogWriter

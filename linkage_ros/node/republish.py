@@ -66,20 +66,7 @@ def republishing(
         publishers = _publishers(node, log, set(topics))
         stack.callback(_await_receipt, publishers.values())
         if clock_hz is not None:
-            clock, one_at_a_time = create_publisher(node, SIMULATED_CLOCK), threading.Lock()
-            stack.callback(_await_receipt, [clock])
-
-            def publish_position() -> None:
-                # At the end, the timer may publish too, and the clock must not go back.
-                with one_at_a_time:
-                    clock.publish(encode_clock(position()))
-
-            # The node's own clock may be /clock. The position is published while paused as well,
-            # and once more at the end.
-            steady = Clock(clock_type=ClockType.STEADY_TIME)
-            timer = node.create_timer(1 / clock_hz, publish_position, clock=steady)
-            stack.callback(publish_position)
-            stack.callback(timer.cancel)
+            stack.enter_context(_publishing_clock(node, position, clock_hz))
         if not wait_for_subscribers(publishers.values(), _DISCOVERY_SECONDS, _MATCH_SECONDS):
             node.get_logger().info('no subscribers yet; --delay S gives them time to connect')
 
@@ -93,6 +80,26 @@ def republishing(
                 ) from error
 
         yield publish
+
+
+@contextmanager
+def _publishing_clock(node: Node, position: Callable[[], int], clock_hz: float) -> Iterator[None]:
+    """Publishes the position in the log on /clock, also while paused, and once at the end."""
+    publisher, one_at_a_time = create_publisher(node, SIMULATED_CLOCK), threading.Lock()
+
+    def publish_position() -> None:
+        # At the end, the timer may publish too, and the clock must not go back.
+        with one_at_a_time:
+            publisher.publish(encode_clock(position()))
+
+    steady = Clock(clock_type=ClockType.STEADY_TIME)  # the node's own clock may be /clock
+    timer = node.create_timer(1 / clock_hz, publish_position, clock=steady)
+    try:
+        yield
+    finally:
+        timer.cancel()
+        publish_position()
+        _await_receipt([publisher])
 
 
 def _await_receipt(publishers: Iterable[Publisher]) -> None:

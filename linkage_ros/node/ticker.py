@@ -106,6 +106,7 @@ class Ticker:
         return not (thread and thread.is_alive())
 
     def _run(self) -> None:
+        """Runs the ticks; the ticker's thread."""
         show_name()
         wake_on_time()
         self.counts.real_time_priority = take_real_time_priority()

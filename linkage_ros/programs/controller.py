@@ -121,6 +121,7 @@ class ControllerNode(ParameterNode):
         return 0
 
     def _answer(self, state: JointState) -> None:
+        """Publishes the torque for a state of the crank."""
         if self._crank not in state.name:  # the message is from another robot
             return
         # Positions and velocities are optional in a JointState.

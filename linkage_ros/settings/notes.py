@@ -126,6 +126,7 @@ def _rigid(linkage: Linkage) -> Iterator[str]:
 
 
 def _zero(linkage: Linkage) -> Iterator[str]:
+    """Notes a measured joint that is taken as equal to the own joint, without its zero."""
     structure, given = linkage.mechanism.structure(), linkage.joints
     link, joint = structure.driven_link, linkage.robot_joints[structure.driven]
     own = own_joints(structure.links, linkage.session.joint_prefix)[structure.driven]
