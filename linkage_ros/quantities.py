@@ -142,20 +142,22 @@ class Quantity:
 
     def _hint(self, value: object) -> str:
         """Suggests how to write a number, for an error message."""
-        items = value if isinstance(value, (list, tuple)) else (value,)
+        is_list = isinstance(value, (list, tuple))
+        items: Any = value if is_list else (value,)
         texts = [x for x in items if isinstance(x, str) and self._number(x) is None]
         if self.kind in {'text', 'names'} and any(isinstance(x, bool) for x in items):
             return '; ROS reads y, n, yes, no, on and off as booleans: choose another name'
         if self.kind == 'names' and isinstance(value, str):
             return f'; write [{", ".join(re.findall(r"[^][, ]+", value))}]'
-        if self.kind == 'text' and items is value:
+        if self.kind == 'text' and is_list:
             return ', not a list: only one can be given'
         if self.kind == 'choice':
             return did_you_mean(str(value), self.choices)
         if self.kind not in {'number', 'whole', 'pair', 'list'} or not texts:
             return ''
         text = texts[0]
-        if (self.kind == 'number' or items is value) and (hint := _comma_hint(text)):
+        hint = _comma_hint(text)
+        if hint and (self.kind == 'number' or is_list):
             return hint
         if self.kind in {'pair', 'list'} and text.startswith('['):  # as of `ros2 param set`
             return '; do not mix whole numbers with others: [0.0, -9.81]'

@@ -42,7 +42,7 @@ from linkage_ros.quantities import shown
 _LEAST_SINE, _LEAST_SINE_OF_DYAD = 1e-6, 1e-3
 
 
-def _untold(what: str) -> str:
+def _ambiguous(what: str) -> str:
     """Explains that a drawing does not show which assembly is meant."""
     cure = ', or correct the direction of the line' if ' line of ' in what else ''
     return (
@@ -100,14 +100,14 @@ class _Loop(NamedTuple):
         parts: Further arguments of the mechanism's class.
         pins: Names of its pins by those in the class, besides A0 and A.
         position: Position of the driven joint as drawn, rad or m.
-        untold: Description of the positions in which a drawing does not show the assembly.
+        ambiguity: Description of the positions in which a drawing does not show the assembly.
         block: See `Drawn`.
     """
 
     parts: dict[str, Any]
     pins: dict[str, str]
     position: float
-    untold: str
+    ambiguity: str
     block: str = ''
 
 
@@ -302,22 +302,22 @@ class Conversion:
         self.at = {name: place.minus(self.origin) for name, place in self.at.items()}
         self.turn(crank, A0, A)
         if base.kind is FourBar:
-            found_parts = self.four_bar(base)
+            loop = self.four_bar(base)
         elif base.kind is SliderCrank:
-            found_parts = self.slider_crank(base)
+            loop = self.slider_crank(base)
         else:
-            found_parts = self.inverted_slider_crank(base)
+            loop = self.inverted_slider_crank(base)
         drawn = Drawn(
             links=tuple(body.name for body in base.bodies),
-            points=(('A0', A0), ('A', A), *found_parts.pins.items()),
+            points=(('A0', A0), ('A', A), *loop.pins.items()),
             crank_angle=self.at[A].angle,
-            position=found_parts.position,
-            block=found_parts.block,
+            position=loop.position,
+            block=loop.block,
             units=self.drawing.units,
             fixed=self.pins_of_no_link(),
         )
-        parts = {'crank': self.body(crank), 'drawn': drawn, **found_parts.parts}
-        return self.in_assembly(cast('Any', base.kind), found_parts.untold, **parts)
+        parts = {'crank': self.body(crank), 'drawn': drawn, **loop.parts}
+        return self.in_assembly(cast('Any', base.kind), loop.ambiguity, **parts)
 
     def four_bar(self, base: _Base) -> _Loop:
         """Returns what a loop with a rocker adds to its crank."""
@@ -329,8 +329,8 @@ class Conversion:
             'rocker': self.body(rocker),
             'frame': Frame(self.at[B0].length, self.at[B0].angle),
         }
-        untold = f'{coupler.name} and {rocker.name} are in line at {B}'
-        return _Loop(parts, {'B': B, 'B0': B0}, self.at[A].angle, untold)
+        ambiguity = f'{coupler.name} and {rocker.name} are in line at {B}'
+        return _Loop(parts, {'B': B, 'B0': B0}, self.at[A].angle, ambiguity)
 
     def slider_crank(self, base: _Base) -> _Loop:
         """Returns what a loop with a slide on the frame adds to its crank."""
@@ -347,8 +347,8 @@ class Conversion:
         if self.drawing.input != slide.name:
             return _Loop(parts, {'B': B}, self.at[A].angle, _across(B, coupler, slide))
         position = over_root(direction.dot(self.at[B]), direction.dot(direction))
-        untold = f'{crank.name} and {coupler.name} are in line at {A}'
-        return _Loop({**parts, 'input': SLIDER}, {'B': B}, position, untold)
+        ambiguity = f'{crank.name} and {coupler.name} are in line at {A}'
+        return _Loop({**parts, 'input': SLIDER}, {'B': B}, position, ambiguity)
 
     def inverted_slider_crank(self, base: _Base) -> _Loop:
         """Returns what a loop with a slide on a moving link adds to its crank."""
@@ -369,18 +369,18 @@ class Conversion:
         slides = {drawn.name for drawn in self.drawing.slides}
         block = slide.name if slide.name in slides else ''
         if self.drawing.input == crank.name:
-            untold = f'the line of {slide.name} is at right angles to that from {B0} to {A}'
-            return _Loop(parts, pins, self.at[A].angle, untold, block)
+            ambiguity = f'the line of {slide.name} is at right angles to that from {B0} to {A}'
+            return _Loop(parts, pins, self.at[A].angle, ambiguity, block)
         position = over_root(direction.dot(arm), direction.dot(direction))
-        untold = f'{A0}, {A} and {B0} are in line'
-        return _Loop({**parts, 'input': CYLINDER}, pins, position, untold, block)
+        ambiguity = f'{A0}, {A} and {B0} are in line'
+        return _Loop({**parts, 'input': CYLINDER}, pins, position, ambiguity, block)
 
-    def in_assembly(self, kind: Any, untold: str, **parts: Any) -> Mechanism:
+    def in_assembly(self, kind: Any, ambiguity: str, **parts: Any) -> Mechanism:
         """Returns the mechanism in the assembly whose links are nearest to the drawn ones.
 
         Args:
             kind: Class of the mechanism.
-            untold: See `_Loop`.
+            ambiguity: See `_Loop`.
             **parts: Parts of the mechanism.
 
         Raises:
@@ -411,7 +411,7 @@ class Conversion:
                 'close where they are drawn; correct length, or draw the machine at another '
                 'position'
             )
-        raise ConfigurationError(_untold(untold))
+        raise ConfigurationError(_ambiguous(ambiguity))
 
     def turned_by(self, pose: Pose, names: Sequence[str]) -> float:
         """Returns how far the directions of links are from the drawn ones, added up."""
@@ -430,20 +430,20 @@ class Conversion:
         Raises:
             ConfigurationError: Known bodies hold a body fast.
         """
-        ready = dict[str, Callable[[], Dyad]]()
+        makers = dict[str, Callable[[], Dyad]]()
         for body in waiting.values():
-            held = [pin for pin in body.pins if self.carrier(pin)]
-            if len(held) > 1 or (held and body.on and self.is_known(body.on)):
-                raise ConfigurationError(self.rigid(body, held))
+            carried_pins = [pin for pin in body.pins if self.carrier(pin)]
+            if len(carried_pins) > 1 or (carried_pins and body.on and self.is_known(body.on)):
+                raise ConfigurationError(self.rigid(body, carried_pins))
             for other in waiting.values():
                 name = f'{body.name}__{other.name}'
-                make = self.dyad_of(name, body, other, held) if other is not body else None
+                make = self.dyad_of(name, body, other, carried_pins) if other is not body else None
                 if make:
-                    ready[name] = make
-        return ready[min(ready)]() if ready else None
+                    makers[name] = make
+        return makers[min(makers)]() if makers else None
 
     def dyad_of(
-        self, name: str, first: _Body, last: _Body, held: list[str]
+        self, name: str, first: _Body, last: _Body, carried_pins: list[str]
     ) -> Callable[[], Dyad] | None:
         """Returns the function that makes the dyad of two bodies; None if they are none.
 
@@ -451,11 +451,11 @@ class Conversion:
             name: Name of the dyad.
             first: The first body.
             last: The second one.
-            held: The pins at which known bodies hold the first one.
+            carried_pins: Pins of the first body that known bodies carry.
         """
-        if len(held) != 1 or first.on:
+        if len(carried_pins) != 1 or first.on:
             return None
-        (start,) = held
+        (start,) = carried_pins
         common = [pin for pin in first.pins if pin in last.pins and not self.carrier(pin)]
         ends = [pin for pin in last.pins if self.carrier(pin)]
         if last.on == first.name and len(ends) == 1:
@@ -554,7 +554,7 @@ class Conversion:
         """
         sine = over_root(area, first.dot(first) * last.dot(last))
         if abs(sine) < _LEAST_SINE_OF_DYAD:
-            raise ConfigurationError(_untold(where))
+            raise ConfigurationError(_ambiguous(where))
 
     def require_motion(self, bodies: Sequence[_Body], joints: Sequence[str]) -> None:
         """Rejects a loop or a dyad with more joints than those that determine it.
@@ -764,12 +764,12 @@ class Conversion:
             also, cure = f'the fixed pin {pin}', f'take {pin} out of drawing.frame or {body.name}'
         return f'{body.name} has {held} and {also}: nothing can move; {cure}; {self.freedom()}'
 
-    def rigid(self, body: _Body, held: Sequence[str]) -> str:
+    def rigid(self, body: _Body, pins: Sequence[str]) -> str:
         """Explains that known bodies hold a body fast."""
-        carriers = ' and '.join(dict.fromkeys(self.carrier(pin) for pin in held))
+        carriers = ' and '.join(dict.fromkeys(self.carrier(pin) for pin in pins))
         also = f' and slides on {body.on}' if body.on and self.is_known(body.on) else ''
         return (
-            f'{body.name} joins {carriers} at {" and ".join(held)}{also}, but their motion is '
+            f'{body.name} joins {carriers} at {" and ".join(pins)}{also}, but their motion is '
             f'already determined by {listed(self.axes)}, so that nothing can move; leave out '
             f'{body.name}, one of its pins, or another link; {self.freedom()}'
         )

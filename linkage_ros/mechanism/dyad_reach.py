@@ -347,6 +347,7 @@ def _edges(margins: Callable[..., Any], crank: Array, closes: Array, least: floa
     """Finds the crank angles between samples at which a dyad begins or ceases to close."""
     before = np.flatnonzero(closes[1:] != closes[:-1])
     low, high = crank[before], crank[before + 1]
+    # The one of both at which the dyad closes, and the other.
     inside, outside = np.where(closes[before], (low, high), (high, low))
     for _ in range(_BISECTIONS if len(before) else 0):
         middle = 0.5 * (inside + outside)

@@ -505,26 +505,26 @@ class Structure(NamedTuple):
 
 
 def _two_links(wide: Structure, dyad: Any, i: int, j: int) -> _New:
-    """Returns two links, joined by a pin, whose other ends are at pins."""
-    (name, other), (start, end) = dyad.parts, wide.ends(dyad)
+    """Returns links i and j, joined by a pin, whose other ends are at pins; see `_New`."""
+    (name, other_name), (start, end) = dyad.parts, wide.ends(dyad)
     joint = start.point.along(i, dyad.first.length)
     first = Link.carried(name, dyad.first, i, start)
-    second = Link.carried(other, dyad.second, j, end)
+    second = Link.carried(other_name, dyad.second, j, end)
     return _New(
-        (first, second),
-        ((start.point, start.carrier, i), (joint, i, j), (end.point, end.carrier, j)),
-        joint.minus(end.point.along(j, dyad.second.length)),
+        links=(first, second),
+        joints=((start.point, start.carrier, i), (joint, i, j), (end.point, end.carrier, j)),
+        closure=joint.minus(end.point.along(j, dyad.second.length)),
     )
 
 
 def _link_and_slider(wide: Structure, dyad: Any, i: int, j: int) -> _New:
-    """Returns a link from a pin to a slider, whose guide may be on a moving link."""
-    (name, other), (start, guide), slider = dyad.parts, wide.ends(dyad), dyad.slider
+    """Returns link i from a pin to slider j, whose guide may be on a moving link; see `_New`."""
+    (name, slider_name), (start, guide), slider = dyad.parts, wide.ends(dyad), dyad.slider
     first = Link.carried(name, dyad.first, i, start)
     joint = start.point.along(i, dyad.first.length)
     joints = ((start.point, start.carrier, i), (joint, i, j))
     last = Link(
-        other,
+        slider_name,
         slider.mass,
         slider.inertia or 0.0,
         center=joint,
@@ -543,11 +543,11 @@ def _link_and_slider(wide: Structure, dyad: Any, i: int, j: int) -> _New:
 
 
 def _barrel_and_rod(wide: Structure, dyad: Any, i: int, j: int) -> _New:
-    """Returns a barrel at the second end, and a rod that slides in it, at the first end."""
-    (name, other), (start, end), rod = dyad.parts, wide.ends(dyad), dyad.rod
+    """Returns barrel i at the second end, and rod j, which slides in it, at the first end."""
+    (name, rod_name), (start, end), rod = dyad.parts, wide.ends(dyad), dyad.rod
     barrel = Link.carried(name, dyad.barrel, i, end)
     last = Link(
-        other,
+        rod_name,
         rod.mass,
         rod.inertia,
         center=start.point.along(i, *rod.center),
@@ -557,9 +557,9 @@ def _barrel_and_rod(wide: Structure, dyad: Any, i: int, j: int) -> _New:
         pin=start.point,
     )
     return _New(
-        (barrel, last),
-        ((start.point, start.carrier, j), (end.point, end.carrier, i)),
-        start.point.minus(end.point),
+        links=(barrel, last),
+        joints=((start.point, start.carrier, j), (end.point, end.carrier, i)),
+        closure=start.point.minus(end.point),
     )
 
 

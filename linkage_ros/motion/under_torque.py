@@ -346,10 +346,13 @@ def all_published(driven: DrivenMechanism, moments: list[tuple[Values, int]]) ->
     if not driven.is_own:
         return stacked([published(driven, *moment) for moment in moments])
     unwrapped = [driven.position(y, pairs) for y, pairs in moments]
-    first = [driven.wound((position,))[0][0] for position in unwrapped]
+    first_coordinates = list[float]()
+    for position in unwrapped:
+        (first,), _ = driven.wound((position,))
+        first_coordinates.append(first)
     rows = np.array([y for y, _ in moments]).T
     count = len(solver.coordinates)
-    q, u = (np.array(first), *rows[1:count]), tuple(rows[count:])
+    q, u = (np.array(first_coordinates), *rows[1:count]), tuple(rows[count:])
     a = solver.accelerations(q, u, driven.torque(u[0]), under=under)
     state = None if driven.is_usual else solver.state(q, u, a, under=under)
     return Coordinates(q, u, a, np.array(unwrapped), state, under)

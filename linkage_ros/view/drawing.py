@@ -192,7 +192,8 @@ class Drawing:
         (_, last), *_ = structure.closures
         output = self._links[last]
         loop = [self._names[structure.points[x]] for x in _pins_of_the_loop(structure)]
-        self.ends |= zip(self.turning, pairwise(loop), strict=False)  # dyads' links follow
+        # The links that turn are in the same order; those of dyads follow.
+        self.ends |= zip(self.turning, pairwise(loop), strict=False)
         # The owner of a pin between two links is the later link.
         self.owners |= zip(loop[2:], self.joints[2 : last + 1], strict=False)
         if output.is_guided:
@@ -200,11 +201,11 @@ class Drawing:
         elif output.slides:
             barrel = cast('int', output.parent)
             pivot = next(pin.name for pin in structure.pins if pin.second == barrel)
+            pin, mouth = loop[-1], structure.mouth
             if self._block:
-                self._add_slot(last, pivot, loop[-1])
+                self._add_slot(last, pivot, pin)
             else:
-                mouth = structure.mouth
-                self.ends |= {self.joints[barrel]: (pivot, mouth), output.name: (mouth, loop[-1])}
+                self.ends |= {self.joints[barrel]: (pivot, mouth), output.name: (mouth, pin)}
                 self.owners[mouth] = self.joints[barrel]
                 loop.append(mouth)
         return loop
