@@ -313,7 +313,7 @@ class LogReader:
         """Returns the chunks that may have messages of channels at log times, by first time."""
 
         def may_have_messages(chunk: _Chunk) -> bool:
-            # Without an end, a damaged index does not hide messages.
+            # Without an end, all chunks are read, also if a damaged index gives later times.
             is_before_end = chunk.start < times.stop or times.stop == TIME_END
             has_channels = not chunk.channels or not channels.isdisjoint(chunk.channels)
             return is_before_end and chunk.end >= times.start and has_channels
