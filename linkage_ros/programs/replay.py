@@ -233,19 +233,8 @@ def showing(
     Raises:
         ViewerError: No viewer answers, the view cannot be opened, or it has ended.
     """
-    from linkage_ros.view.rerun_connection import View
-    from linkage_ros.view.viewer_process import open_page
-
     states = log.channel(JOINT_STATES)
-    read = functools.partial(motions_in, Robot(log.configuration))
-    view = View(log.configuration, target, overwrite=overwrite, read=read)
-    if view.trouble:
-        raise ViewerError(f'no viewer answers at {target}: start one there first with `rerun`')
-    if view.page:
-        how = 'starts when a page connects, repeats until Ctrl-C; ' if loop else ''
-        print(f'{how}watch it in a browser: {view.page}', flush=True)
-        if browser:
-            open_page(view.page)
+    view = _opened_view(log, target, loop=loop, browser=browser, overwrite=overwrite)
     worker: Worker[Any] = Worker(
         'view', view, capacity=_VIEW_CAPACITY, period=view.period, on_error=lambda _: None
     )
@@ -279,6 +268,29 @@ def _require_running(worker: 'Worker[Any]') -> None:
     """
     if worker.error:
         raise ViewerError(f'the view ended: {worker.error}') from worker.error
+
+
+def _opened_view(
+    log: LogReader, target: str, *, loop: bool, browser: bool, overwrite: bool
+) -> Any:
+    """Opens the view, and its page in a browser; see `showing`.
+
+    Raises:
+        ViewerError: No viewer answers, or the view cannot be opened.
+    """
+    from linkage_ros.view.rerun_connection import View
+    from linkage_ros.view.viewer_process import open_page
+
+    read = functools.partial(motions_in, Robot(log.configuration))
+    view = View(log.configuration, target, overwrite=overwrite, read=read)
+    if view.trouble:
+        raise ViewerError(f'no viewer answers at {target}: start one there first with `rerun`')
+    if view.page:
+        how = 'starts when a page connects, repeats until Ctrl-C; ' if loop else ''
+        print(f'{how}watch it in a browser: {view.page}', flush=True)
+        if browser:
+            open_page(view.page)
+    return view
 
 
 def _replay(
