@@ -110,19 +110,6 @@ def ages() -> str:
     )
 
 
-def followers() -> str:
-    """Makes the table of several nodes that follow one robot."""
-    rows = []
-    for number in (2, 4):
-        one = content('inputs')[f'{number} followers']
-        keys = 'robot_percent', 'node_percent', 'answered_percent'
-        rows.append(
-            (str(number), f'{one["robot_hz"]:.0f} Hz', *(f'{one[key]:.1f} %' for key in keys))
-        )
-    shares = 'its share of a core, largest share of a node'
-    return table(f'following nodes, rate of the robot, {shares}, answered', rows)
-
-
 def hosts() -> str:
     """Makes the table of network failures between two hosts."""
     kinds = {'cable': 'cable pulled for {} s', 'silent': 'other host gone for {} s, link up'}
@@ -156,7 +143,7 @@ def nodes() -> str:
 
 TABLES: dict[str, list[Callable[[], str]]] = {
     'docs/controllers.md': [effect, commands],
-    'docs/follow.md': [ages, followers],
+    'docs/follow.md': [ages],
     'docs/reliability.md': [hosts, nodes],
     'lab/docs/measured_crank.md': [encoders],
 }

@@ -1,18 +1,17 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measures nodes that receive messages: followers of a robot, and plants under commands.
+"""Measures plants under commands.
 
-The cases take turns. Two and four nodes follow a robot that publishes at 200 Hz from an rclpy
-timer. A plant at 1 kHz runs with linkage_controller, with the parameters of controller.launch.py;
-alone; and with 1000 commands a second that are accepted (0.0) or rejected (NaN).
+The cases take turns. A plant at 1 kHz runs with linkage_controller, with the parameters of
+controller.launch.py; alone; and with 1000 commands a second that are accepted (0.0) or rejected
+(NaN).
 
-    python benchmarks/reliability/inputs.py --out docs    docs/inputs.json, in five minutes
+    python benchmarks/reliability/inputs.py --out docs    docs/inputs.json, in four minutes
 
 To compare with another version, run this command in the folder of its source tree, in turns: the
 nodes are those of the working directory. The exit code is 1 if a promise is broken.
 """
 
-import re
 import sys
 import time
 from collections.abc import Callable
@@ -23,7 +22,6 @@ from statistics import median
 import numpy as np
 from harness import (
     DOMAIN,
-    FOLLOWED,
     Diagnostics,
     Process,
     finish,
@@ -33,9 +31,9 @@ from harness import (
     wait_for,
     words,
 )
-from realtime import SETTLE, TIMER_NODE
+from realtime import SETTLE
 
-ROBOT_RATE, RATE = 200.0, 1000.0  # Hz
+RATE = 1000.0  # Hz
 COMMANDER = Path(__file__).with_name('commander.py')
 # As in controller.launch.py.
 PLANT = {'drive': 'torque', 'rate_hz': RATE, 'command_timeout': 0.02, 'torque_limit': 400.0}
@@ -51,34 +49,6 @@ def shares(processes: dict[str, Process], seconds: float) -> dict[str, float]:
     return {
         name: 100 * (one.computed() - before[name]) / seconds for name, one in processes.items()
     }
-
-
-def following(number: int, seconds: float) -> dict[str, float]:
-    """Measures some nodes that follow a robot."""
-    with ExitStack() as stack:
-        nodes = {}
-        for index in range(number):
-            answers = f'linkage{index}/joint_states'
-            remaps = ('measured_joint_states', 'joint_states'), ('joint_states', answers)
-            nodes[f'{index}'] = stack.enter_context(node(DOMAIN, remaps=remaps, **FOLLOWED))
-        for one in nodes.values():
-            wait_for(lambda one=one: 'four_bar' in one.output)
-        time.sleep(SETTLE)
-        robot = stack.enter_context(running(TIMER_NODE, ROBOT_RATE, 'robot', domain=DOMAIN))
-        wait_for(lambda: len(robot.by_thread()) > 1)
-        time.sleep(2 * SETTLE)
-        found = shares({**nodes, 'robot': robot}, seconds)
-        robot.end()
-        for one in nodes.values():
-            one.end()
-        sent, elapsed = map(float, robot.lines[-2][1].split())
-        states = [int(re.findall(r'(\d+) states?,', one.output)[-1]) for one in nodes.values()]
-        return {
-            'robot_hz': sent / elapsed,
-            'answered_percent': 100 * median(states) / sent,
-            'robot_percent': found.pop('robot'),
-            'node_percent': max(found.values()),
-        }
 
 
 def plant(seconds: float, health: Diagnostics, *source: object) -> dict[str, float]:
@@ -111,13 +81,11 @@ def plant(seconds: float, health: Diagnostics, *source: object) -> dict[str, flo
 
 
 def main() -> int:
-    """Prints the cells of the tables in docs/follow.md and docs/controllers.md."""
+    """Prints the cells of the table in docs/controllers.md."""
     given = options(__doc__, seconds=(15.0, 's for each case'), rounds=(3, 'rounds of all cases'))
     health, seconds = Diagnostics(DOMAIN), given.seconds
     controller = '-m', 'linkage_ros.programs.controller', *words({'rpm': RPM})
     cases: dict[str, Callable[[], dict[str, float]]] = {
-        '2 followers': lambda: following(2, seconds),
-        '4 followers': lambda: following(4, seconds),
         'controller': lambda: plant(seconds, health, *controller),
         'no commands': lambda: plant(seconds, health),
         'commands 0.0': lambda: plant(seconds, health, COMMANDER, RATE, 0.0),

@@ -14,8 +14,7 @@ from linkage_lab.methods.registry import LIVE, RECORDS
 from linkage_ros.palette import FIRST, fractions
 
 DOCS = Path(__file__).parents[2] / 'docs'
-# Figures of the picture, in the order of the arguments of `draw`; the page has all but the last.
-SOURCES = 'realtime', 'log_speed', 'accuracy', 'peers'
+SOURCES = 'realtime', 'log_speed', 'accuracy', 'peers', 'linkages'
 
 CONTENDERS = {
     'bare loop': 'bare loop of sleeps',
@@ -30,13 +29,15 @@ PARTS = 'ticks', 'main thread', 'middleware', 'log', 'viewer'
 PAGE = """\
 # Timing
 
-Punctuality of the node at 1 kHz, and the cost of ticks, logs, and motions under a torque;
-[peers.md](../lab/docs/peers.md) has the time of a state. These commands measure ticks and logs
-([realtime.json](realtime.json), [log_speed.json](log_speed.json)) on an idle machine, measure
-motions ([accuracy.json](accuracy.json)), and make the page:
+Punctuality of the node at 1 kHz, and the cost of ticks, logs, motions under a torque, and several
+linkages; [peers.md](../lab/docs/peers.md) has the time of a state. These commands measure ticks
+and logs ([realtime.json](realtime.json), [log_speed.json](log_speed.json)) on an idle machine,
+motions ([accuracy.json](accuracy.json)) and several linkages ([linkages.json](linkages.json)), and
+make the page:
 
     python benchmarks/reliability/realtime.py --out docs
     linkage_chart accuracy --out docs
+    python benchmarks/reliability/linkages.py --out docs
     python benchmarks/reliability/timing_page.py
 
 ![Cost of logs, ticks, motions under a torque, and states](timing.png)
@@ -70,6 +71,10 @@ Time per millisecond of motion, on another machine:
 
 {steps}
 
+## Several linkages
+
+{linkages}
+
 ## Limits
 
 {limits}
@@ -88,6 +93,45 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def per_tick(record: dict) -> float:
     """Returns the processor time per tick, us."""
     return float(1e6 * record['cpu_seconds'] / record['ticks'])
+
+
+SEVERAL = """\
+One, 4 and 12 four-bars, in one node and in nodes of their own, follow a robot in another process
+that publishes 20 joints. The cases took turns in {rounds} rounds of {seconds:g} s; the figures are
+medians of the rounds, and sums of measurements. The machine was {cpu} with {cores} cores; its load
+average before the run, caused by other programs, was {load:.1f}, and the nice value of the
+benchmark's processes {nice}. The second rate is the one that the robot kept. Processor time is
+that of all linkage nodes for each measurement, also relative to one linkage in the same round.
+Memory that processes share counts in parts. The answer to a measurement is complete when a
+receiver in another process has the joints of all linkages; latency is the time from the stamp of
+the measurement until then. Incomplete answers are lost.
+
+{table}"""
+
+
+def several(found: dict) -> str:
+    """Formats the section on several linkages."""
+    head = (
+        'rate, kept', 'linkages', 'nodes', 'processor time, us', 'relative to one', '% of a core',
+        'memory, MiB', 'latency, ms: median', '99 %', 'measurements', 'lost',
+    )  # fmt: skip
+    rows = [
+        (
+            f'{one["rate_hz"]:.0f} Hz, {one["robot_hz"]:.0f} Hz',
+            str(one['linkages']), str(one['nodes']),
+            f'{one["us_per_measurement"]:.0f}', f'{one["over_one"]:.2f}',
+            f'{one["cpu_percent"]:.1f}', f'{one["memory_mib"]:.0f}',
+            *(f'{one[key]:.1f}' for key in ('p50_ms', 'p99_ms')),
+            *(str(one[key]) for key in ('sent', 'lost')),
+        )
+        for one in found['records']
+    ]  # fmt: skip
+    machine = found['machine']
+    return SEVERAL.format(
+        **{key: found[key] for key in ('rounds', 'seconds')}, cpu=machine['cpu'],
+        cores=machine['cores'], load=machine['load_before'][0], nice=machine['nice'],
+        table=table(head, rows),
+    )  # fmt: skip
 
 
 def _limits(ticks: Sequence[dict], logs: Sequence[dict]) -> Iterator[tuple[str, float, float]]:
@@ -110,6 +154,14 @@ def _limits(ticks: Sequence[dict], logs: Sequence[dict]) -> Iterator[tuple[str, 
         if key in most:
             name = f'{key[1]}, {key[0]}, relative to compression'
             yield name, record['over_compression'], most[key]
+
+
+def _limits_of_several(linkages: dict) -> Iterator[tuple[str, float, float]]:
+    """Yields the cost of twelve linkages in one node; see `_limits`."""
+    for one in linkages['records']:
+        if (one['linkages'], one['nodes']) == (12, 1):
+            rate = f'{one["rate_hz"]:.0f} Hz'
+            yield f'twelve linkages in one node, relative to one, {rate}', one['over_one'], 2.5
 
 
 def limits(ticks: Sequence[dict], logs: Sequence[dict]) -> dict[str, bool]:
@@ -170,7 +222,7 @@ def draw(
         bars(grid[1, 1], 'A state with torque, relative to linkage_ros', ratios)
 
 
-def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict) -> str:
+def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, linkages: dict) -> str:
     """Formats the page."""
     late = 'late, us: median', '99 %', 'largest'
     keys = 'p50_us', 'p99_us', 'max_us'
@@ -209,11 +261,12 @@ def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict) -> str:
             ('', 'us per ms', 'slowest ms, us'),
             [(words, f'{mean:.3g}', f'{most:.3g}') for words, mean, most in _steps(accuracy)],
         ),
+        linkages=several(linkages),
         limits=table(
             ('', 'measured', 'limit', 'met'),
             [
                 (words, f'{value:.3g}', f'{most:.3g}', 'yes' if value <= most else '**no**')
-                for words, value, most in _limits(ticks, logs)
+                for words, value, most in (*_limits(ticks, logs), *_limits_of_several(linkages))
             ],
         ),
     )
@@ -226,13 +279,13 @@ def write(folder: Path) -> str:
         folder: Folder with the figures of realtime.py; the other figures are read from docs.
     """
     files = {name: folder / f'{name}.json' for name in SOURCES}
-    found = [
+    *found, peers, linkages = (
         json.loads((file if file.exists() else DOCS / file.name).read_text())
         for file in files.values()
-    ]
-    text = page(*found[:3])
+    )
+    text = page(*found, linkages)
     (folder / 'timing.md').write_text(text)
-    draw(*found, folder / 'timing.png')
+    draw(*found, peers, folder / 'timing.png')
     return text
 
 
