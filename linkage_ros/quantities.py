@@ -24,6 +24,8 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 from linkage_ros.errors import ConfigurationError, Mistakes, shortened
 
 _T = TypeVar('_T')
+_SUGGESTED = 3  # most names that are suggested
+_ABOUT_EQUAL = 0.04  # difference of two resemblances, between 0 and 1
 _LONGEST = 80  # largest length of a value in an error message, characters
 NAME = '[A-Za-z_][A-Za-z0-9_]*'  # regular expression of the names in `groups`
 # Texts that ROS reads as booleans, whatever the case of their letters.
@@ -276,8 +278,8 @@ def did_you_mean(given: str, valid: Iterable[str]) -> str:
         given: See `resembling`, as for the other.
         valid: The valid names.
     """
-    closest = resembling(given, valid)
-    return f'; did you mean {closest}?' if closest else ''
+    found = _resembling_names(given, valid)
+    return f'; did you mean {" or ".join(found)}?' if found else ''
 
 
 def resembling(given: str, valid: Iterable[str]) -> str:
@@ -287,12 +289,19 @@ def resembling(given: str, valid: Iterable[str]) -> str:
         given: The misspelt name; capital letters, and `-` or a space for `_`, do not count.
         valid: The valid names.
     """
-    name_of, plain = {_plain(name): name for name in valid}, _plain(given[:_LONGEST])
-    for candidate, name in name_of.items():
-        if sorted(candidate) == sorted(plain):  # letters are exchanged
-            return name
-    closest = difflib.get_close_matches(plain, name_of, n=1, cutoff=0.75)
-    return name_of[closest[0]] if closest else ''
+    return next(iter(_resembling_names(given, valid)), '')
+
+
+def _resembling_names(given: str, valid: Iterable[str]) -> list[str]:
+    """Returns the valid names that a name resembles most, and nearly as much, the best first."""
+    names, plain = {_plain(name): name for name in valid}, _plain(given[:_LONGEST])
+    found = [name for name in names if sorted(name) == sorted(plain)]  # letters are exchanged
+    found = found or [name for name in names if plain == 2 * name]  # AA for A
+    if not found:
+        near = difflib.get_close_matches(plain, names, n=_SUGGESTED, cutoff=0.75)
+        likeness = [difflib.SequenceMatcher(None, name, plain).ratio() for name in near]
+        found = [x for x, y in zip(near, likeness, strict=True) if y > likeness[0] - _ABOUT_EQUAL]
+    return [names[name] for name in found]
 
 
 def _plain(name: str) -> str:

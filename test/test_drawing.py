@@ -446,9 +446,22 @@ def lever(pins=(), **block):
     }  # fmt: skip
 
 
+SHAPER = lever({'R': (-60.0, 170.0)}, direction=[30.0, 140.0])
+SHAPER['links']['rod'] = {'pins': ['T', 'R']}
+SHAPER['slides']['ram'] = {'pin': 'R', 'direction': [1.0, 0.0]}
 CROSSED = {**PINS, 'Z': (300.0, 0.0)}
 REFUSED = {
     'a pin misspelt': ({'links': {**LINKS, 'rocker': {'pins': ['b', 'Q']}}}, "no pin 'b'"),
+    'a pin with a letter twice': (
+        {'links': {**LINKS, 'crank': {'pins': ['O', 'AA']}}}, "no pin 'AA' .* did you mean A[?]"),
+    'a link without its pin of a slide': (
+        {'links': {**LINKS, 'conrod': {'pins': ['B']}}}, 'add the pin that joins it .* P or S,'),
+    'a fixed pin of a lever left out': (
+        {**SHAPER, 'frame': ['O']}, '^Q is a pin of lever alone; is it fixed[?] then add it to'),
+    'a fixed pin of a lever left out, which has a point': (
+        {**SHAPER, 'frame': ['O'], 'pins': {**SHAPER['pins'], 'V': (60.0, 20.0)},
+         'links': {**SHAPER['links'], 'lever': {'pins': ['Q', 'T', 'V']}}},
+        '^Q is .* and V is a pin of lever alone; is one of them fixed'),
     'a link with one pin': ({'links': {**LINKS, 'rocker': {'pins': ['Q']}}}, 'two pins or more'),
     'a pin twice': ({'links': {**LINKS, 'crank': {'pins': ['O', 'O']}}}, 'one pin twice: O'),
     'a pin of nothing': ({'pins': CROSSED}, 'drawing.pins.Z: neither'),
@@ -567,11 +580,11 @@ REFUSED = {
          'frame': ['O', 'Q', 'G', 'V'],
          'pins': {**PINS, 'W': (80.0, 160.0), 'V': (80.0, 200.0)}},
         'arm and leg are in line at W'),
-    'a pin in m': ({'pins': {**PINS, 'B': (0.12, 0.09)}}, r'did you mean m = \[120, 90\] mm'),
-    'a fixed pin in m': ({'pins': {**PINS, 'Q': (0.14, 0.0)}}, r'did you mean m = \[140, 0\] mm'),
+    'a pin in m': ({'pins': {**PINS, 'B': (0.12, 0.09)}}, r'metres; in mm it is \[120, 90\]'),
+    'a fixed pin in m': ({'pins': {**PINS, 'Q': (0.14, 0.0)}}, r'metres; in mm it is \[140, 0\]'),
     'a pin in mm': (
         {'units': 'm', 'pins': {**{name: (0.001 * x, 0.001 * y) for name, (x, y) in PINS.items()},
-                                'Q': PINS['Q']}}, r'did you mean mm = \[0.14, 0\] m'),
+                                'Q': PINS['Q']}}, r'millimetres; in m it is \[0.14, 0\]'),
     'one coordinate': ({'pins': {**PINS, 'A': (30.0,)}}, 'pins.A = .*: must be two numbers'),
     'a decimal comma': ({'pins': {**PINS, 'A': ('30,0', '40,0')}}, 'pins.A = .* two numbers'),
     'pins in one text': ({'links': {**LINKS, 'crank': {'pins': 'O, A'}}}, 'a list of names'),
@@ -628,6 +641,15 @@ REFUSED_BESIDE = {
     'a force at no pin': ({**FORCE, 'loads.f.pin': 'X'}, "no pin 'X'; must be one of A, B,"),
     'a force on no link': (
         {**FORCE, 'loads.f.link': 'X', 'loads.f.at': [1.0, 1.0]}, "link = 'X': must be one"),
+    'a force on one of two links': (
+        {**FORCE, 'loads.f.link': 'rame', 'loads.f.at': [1.0, 1.0]}, 'did you mean ram[?]'),
+    'a force on the frame': (
+        {**FORCE, 'loads.f.link': 'frame', 'loads.f.at': [1.0, 1.0]}, 'frame does not move; must'),
+    'a force at a fixed pin': (
+        {**FORCE, 'loads.f.pin': 'Q'}, 'a fixed pin does nothing; .* link: rocker'),
+    'a spring to a frame misspelt': (
+        {**SPRING, 'loads.f.pin': 'P', 'loads.f.to': 'rame', 'loads.f.to_at': [0.0, 0.0],
+         'loads.f.stiffness': 1.0}, 'did you mean frame or ram[?]'),
     'a force without a place': (
         {**FORCE, 'loads.f.link': 'rocker'}, 'f.at is missing: give the place on rocker as drawn'),
     'a force at a pin of others': (
@@ -661,12 +683,16 @@ def test_a_mass_is_judged_by_the_size_of_the_drawing(mass, is_noted):
     assert bool(found) == is_noted
 
 
-def test_a_pin_in_another_unit_is_noted():
-    assert not [line for line in notes(configure(values())) if 'did you mean' in line]
-    given = values(pins={**PINS, 'P': (0.08, 0.12)})
-    (line,) = (line for line in notes(configure(given)) if 'did you mean' in line)
+@pytest.mark.parametrize(
+    ('changed', 'meant'),
+    [({'P': (0.08, 0.12)}, '[80, 120]'), ({'P': (0.25, -0.06)}, '[250, -60]')],
+)
+def test_a_pin_in_another_unit_is_noted(changed, meant):
+    assert not [line for line in notes(configure(values())) if 'looks like' in line]
+    given = values(pins={**PINS, **changed})
+    (line,) = (line for line in notes(configure(given)) if 'looks like' in line)
     assert 'drawing.pins.P' in line
-    assert '[80, 120] mm' in line
+    assert f'in mm it is {meant}' in line
 
 
 @pytest.mark.parametrize(('length', 'is_noted'), [(92.0, False), (140.0, True)])

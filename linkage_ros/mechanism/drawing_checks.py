@@ -23,6 +23,7 @@ _RESERVED = {FRAME_NAME, 'world', 'base_link'}
 # A pin that is so far from the others, or so near to the origin, is probably in another unit;
 # relative to the size of the others.
 _FAR, _NEAR = 10.0, 0.01
+_UNIT_NAMES = {'m': 'metres', 'mm': 'millimetres'}
 # A length that differs from the drawn one by more than this share of it is probably a mistake.
 _OFF = 0.3
 
@@ -117,6 +118,13 @@ class Outline:
                 ends = f'{cylinder.name}_barrel', f'{cylinder.name}_rod'
                 pins_of |= {name: pins[i : i + 1] for i, name in enumerate(ends)}
         return pins_of
+
+    @property
+    def single_pins(self) -> list[str]:
+        """The pins that one link or slide alone has, and the frame has not."""
+        counts = Counter(pin for pins in self.bodies.values() for pin in pins)
+        pins = [pin for pin in self.drawing.pins if pin not in self.frame.pins]
+        return [pin for pin in pins if counts[pin] == 1]
 
     def least(self, part: Any) -> int:
         """Returns the number of pins that a part needs at least."""
@@ -248,11 +256,14 @@ def _bad_place(
         pin: Name of the pin instead; empty if there is none.
     """
     bodies = {FRAME_NAME: outline.frame.pins, **outline.bodies}
+    if words.pin != 'to_pin':  # a force on the frame does nothing, and a point of it does not move
+        del bodies[FRAME_NAME]
     if pin:
-        yield from _bad_pin(outline.drawing.pins, bodies, words, link, pin)
+        yield from _bad_pin(outline, bodies, words, link, pin)
     elif link and link not in bodies:
+        why = 'the frame does not move; ' if link == FRAME_NAME else ''
         yield (
-            f'{words.owner}.{words.link} = {shown(link)}: must be one of '
+            f'{words.owner}.{words.link} = {shown(link)}: {why}must be one of '
             f'{listed(bodies)}{did_you_mean(link, bodies)}'
         )
     elif link and at is None:
@@ -261,7 +272,7 @@ def _bad_place(
 
 
 def _bad_pin(
-    pins: Collection[str],
+    outline: Outline,
     bodies: Mapping[str, Collection[str]],
     words: _PlaceWords,
     link: str,
@@ -270,13 +281,13 @@ def _bad_pin(
     """Yields the mistake in a pin of a load: it does not exist, or is not on the given link.
 
     Args:
-        pins: Names of all pins.
-        bodies: Names of the pins of each body, by its name.
+        outline: The drawing.
+        bodies: Names of the pins of each body that may have the load, by its name.
         words: The parameters.
         link: Name of the link; empty if there is none.
         pin: Name of the pin.
     """
-    label = f'{words.owner}.{words.pin}'
+    label, pins = f'{words.owner}.{words.pin}', outline.drawing.pins
     if pin not in pins:
         hint = did_you_mean(pin, pins)
         yield f'{label}: no pin {shown(pin)}; must be one of {listed(pins)}{hint}'
@@ -285,6 +296,9 @@ def _bad_pin(
     is_default = words.pin == 'to_pin' and link == FRAME_NAME
     if link and owners and link not in owners and not is_default:
         yield f'{label}: no link {shown(link)} at the pin {pin}; must be one of {listed(owners)}'
+    elif not link and words.pin == 'pin' and pin in outline.frame.pins:
+        beside = f', or a link beside it: link: {" or ".join(owners)}' if owners else ''
+        yield f'{label} = {pin}: a force on a fixed pin does nothing; give another pin{beside}'
 
 
 def contradictions(drawing: Any) -> list[str]:
@@ -326,11 +340,11 @@ def _pins_in_another_unit(unit: str, places: Mapping[str, Sequence[float]]) -> l
         size, converted = math.dist(low, high), [factor * x for x in place]
         is_far = _outside(place, low, high) > _FAR * size
         is_near_origin = factor > 1 and 0 < max(map(abs, place)) < _NEAR * size
-        fits_converted = _outside(converted, low, high) < 0.5 * size
+        fits_converted = _outside(converted, low, high) < size
         if (is_far or is_near_origin) and fits_converted:
             lines.append(
-                f'drawing.pins.{name} = [{place[0]:g}, {place[1]:g}] {unit}; did you mean {other} '
-                f'= [{converted[0]:.6g}, {converted[1]:.6g}] {unit}?'
+                f'drawing.pins.{name} = [{place[0]:g}, {place[1]:g}] {unit}: looks like '
+                f'{_UNIT_NAMES[other]}; in {unit} it is [{converted[0]:.6g}, {converted[1]:.6g}]'
             )
     return lines if len(lines) <= max(1, len(places) // 3) else []
 
@@ -375,7 +389,12 @@ def _bad_lists(outline: Outline) -> Iterator[str]:
     yield from outline.mistakes
     for label, part, pins, is_certain in outline.links:
         if is_certain and len(pins) < outline.least(part):
-            yield f'{label}.pins = {list(pins)}: a link needs two pins or more'
+            single = [pin for pin in outline.single_pins if pin not in pins]
+            such = f', such as {" or ".join(single)}' if 0 < len(single) < 4 else ''
+            yield (
+                f'{label}.pins = {list(pins)}: a link needs two pins or more; add the pin that '
+                f'joins it to another{such}, or leave it out'
+            )
 
 
 def _bad_lengths(outline: Outline) -> Iterator[str]:

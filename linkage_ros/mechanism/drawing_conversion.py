@@ -9,11 +9,17 @@ before becomes a dyad.
 import functools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import fields, replace
 from fractions import Fraction
 from typing import Any, NamedTuple, cast
 
-from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
+from linkage_ros.errors import (
+    ConfigurationError,
+    LinkageError,
+    MechanismError,
+    UnreachableError,
+)
 from linkage_ros.mechanism.base import Drawn, Mechanism
 from linkage_ros.mechanism.drawing_checks import listed
 from linkage_ros.mechanism.dyads import Dyad, DyadSlider
@@ -40,6 +46,7 @@ from linkage_ros.quantities import shown
 # The smallest sine of the angle between two links at which a drawing shows their assembly: in the
 # loop, which may be near a change point, and in a dyad.
 _LEAST_SINE, _LEAST_SINE_OF_DYAD = 1e-6, 1e-3
+_ONE_PIN_LESS = 3  # degrees of freedom of a mechanism without one of its fixed pins
 
 
 def _ambiguous(what: str) -> str:
@@ -160,6 +167,32 @@ class Conversion:
 
     def mechanism(self, gravity: Any, loads: Sequence[Any], points: Sequence[Any]) -> Mechanism:
         """Returns the mechanism; see `Drawing.mechanism`.
+
+        Raises:
+            ConfigurationError: Links are left that are no dyads.
+        """
+        try:
+            return self.converted(gravity, loads, points)
+        except ConfigurationError as error:
+            if self.degrees == _ONE_PIN_LESS and (words := ', and '.join(self.forgotten())):
+                raise ConfigurationError(
+                    f'{words}; is {"one of them" if ", and " in words else "it"} fixed? then add '
+                    'it to drawing.frame'
+                ) from error
+            raise
+
+    def forgotten(self) -> Iterator[str]:
+        """Yields the pins of one link that would make a mechanism as fixed pins, in words."""
+        for pin in self.at:
+            owners = [body.name for body in self.bodies.values() if pin in body.pins]
+            if len(owners) == 1 and pin not in self.drawing.frame:
+                with suppress(LinkageError):
+                    drawing = replace(self.drawing, frame=(*self.drawing.frame, pin))
+                    Conversion(drawing).converted((0.0, 0.0), (), ())
+                    yield f'{pin} is a pin of {owners[0]} alone'
+
+    def converted(self, gravity: Any, loads: Sequence[Any], points: Sequence[Any]) -> Mechanism:
+        """Returns the mechanism; see `mechanism`.
 
         Raises:
             ConfigurationError: Links are left that are no dyads.
