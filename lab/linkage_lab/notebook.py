@@ -86,7 +86,8 @@ def _picture(sketched: Sketched) -> str:
     """Draws a sketch as an image in HTML."""
     figure = Figure(figsize=(WIDTH, HIGH), dpi=DPI)
     with rc_context(STYLE):
-        draw_sketch(figure.add_axes((0.02, 0.02, 0.96, 0.96)), sketched, with_dimensions=False)
+        axes = figure.add_axes((0.02, 0.02, 0.96, 0.96))
+        draw_sketch(axes, sketched, with_dimensions=False, with_centers=True)
         png = io.BytesIO()
         figure.savefig(png, format='png', bbox_inches='tight')
     source = base64.b64encode(png.getvalue()).decode()

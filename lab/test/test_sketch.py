@@ -6,14 +6,16 @@ import itertools
 import json
 import math
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from linkage_lab import command_line
 from linkage_lab.charts import sketch
-from linkage_lab.charts.sketch import _bars, _zero, describe, draw_sketch, sketch_of
+from linkage_lab.charts.sketch import _bars, _pins, _zero, describe, draw_sketch, sketch_of
 from linkage_lab.output import in_degrees, rounded
-from linkage_ros import ConfigurationError
+from linkage_lab.period import law_period
+from linkage_ros import ConfigurationError, Solver
 from linkage_ros.internals import UNITS
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.presets import preset_names
@@ -84,7 +86,7 @@ def design_of(source):
 def written(design, at=None):
     """Returns the texts of the drawing with dimensions, and their boxes."""
     axes = Figure(figsize=(10.0, 7.0), dpi=140).add_axes((0.02, 0.02, 0.96, 0.96))
-    draw_sketch(axes, sketch_of(design.only, at), with_dimensions=True)
+    draw_sketch(axes, sketch_of(design.only, at), with_dimensions=True, with_centers=True)
     texts = [text for text in axes.texts if text.get_text()]
     return [x.get_text() for x in texts], [x.get_window_extent() for x in texts]
 
@@ -112,7 +114,7 @@ def test_every_name_is_in_the_drawing_and_in_words(source):
 def test_each_fixed_pin_has_a_ground_symbol(source):
     design = design_of(source)
     axes = Figure(figsize=(10.0, 7.0), dpi=140).add_axes((0.02, 0.02, 0.96, 0.96))
-    draw_sketch(axes, sketch_of(design.only), with_dimensions=False)
+    draw_sketch(axes, sketch_of(design.only), with_dimensions=False, with_centers=False)
     drawing = getattr(design.only.drawn_mechanism, 'drawing', None)
     pins = design.mechanism.structure().points
     places = {name: at.fixed for name, at in pins.items() if not any(at.weights)}
@@ -123,6 +125,51 @@ def test_each_fixed_pin_has_a_ground_symbol(source):
     triangles = [line[0] for line in lines if len(line) == 4 and line[0] == line[3]]
     for name, place in places.items():
         assert any(abs(corner - place) < 1e-9 for corner in triangles), name
+
+
+@pytest.mark.parametrize('source', [JANSEN, GAS, SPRING, KLANN])
+def test_fixed_pins_have_their_distances_from_the_first(source):
+    texts, _ = written(configure(source))
+    unit, (first, *others) = source['drawing.units'], source['drawing.frame']
+    for pin in others:
+        apart = math.dist(source[f'drawing.pins.{first}'], source[f'drawing.pins.{pin}'])
+        assert f'{apart:.4g}' in texts, (pin, unit)
+
+
+@pytest.mark.parametrize('source', [*preset_names(), JANSEN, GAS, SPRING, KLANN])
+def test_marks_cover_no_pin(source):
+    sketched = sketch_of(design_of(source).only)
+    pins, near = _pins(sketched)
+    axes = Figure(figsize=(10.0, 7.0), dpi=140).add_axes((0.02, 0.02, 0.96, 0.96))
+    draw_sketch(axes, sketched, with_dimensions=False, with_centers=True)
+    arrows = [x.xy for x in axes.texts if not x.get_text() and x.arrowprops['color'] != 'black']
+    for x, y in arrows[: len(sketched.drawing.turning)]:
+        assert abs(pins - complex(x, y)).min() > 0.3 * near
+
+
+def test_path_along_a_law_is_that_of_the_motion():
+    design = configure(LIMITED | LAW).only
+    path = sketch_of(design).path
+    motion = law_period(Solver(design.mechanism), design.drive).rows('position')
+    for limit in (np.min, np.max):
+        assert limit(path, axis=0) == pytest.approx(limit(motion, axis=0), abs=1e-4)
+    assert sketch_of(configure(LIMITED | {'drive': 'follow'}).only).path is None
+
+
+@pytest.mark.parametrize('at', [None, 0.9])
+def test_centre_of_mass_is_marked_where_the_words_have_it(at):
+    coupler = {'mass': 2.0, 'inertia': 1.0, 'center': [60.0, 95.0]}
+    given = GAS | {f'drawing.links.coupler.{name}': value for name, value in coupler.items()}
+    given['drawing.slides.ram.mass'] = 1.0
+    sketched = sketch_of(configure(given).only, at)
+    axes = Figure(figsize=(10.0, 7.0), dpi=140).add_axes((0.02, 0.02, 0.96, 0.96))
+    draw_sketch(axes, sketched, with_dimensions=False, with_centers=True)
+    marks = [x.get_xydata()[0] for x in axes.lines if x.get_marker() is sketch._QUARTERS]
+    (mark,) = marks  # that of the ram is at its pin
+    (words,) = (x for x in describe(sketched) if x.startswith('coupler: '))
+    assert f'mass 2 kg at {sketched.at(complex(*mark))}' in words
+    if at is None:
+        assert mark == pytest.approx((0.05, 0.095))  # as drawn, from O
 
 
 def test_lengths_of_jansens_leg_are_the_published_ones():

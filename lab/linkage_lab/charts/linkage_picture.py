@@ -76,7 +76,7 @@ class LinkagePicture:
             for link, lines in drawing.links(places).items()
         }
         pins = np.concatenate([drawing.pivots, places.reshape(-1, 2)])
-        self._pins = self._plot(pins, DARK, linestyle='', marker='o', markersize=3.5)
+        self._pins = self._plot(pins, DARK, linestyle='', marker='o', markersize=3.5, zorder=4)
         # The ground is drawn below the pivots, so their names are placed to the sides.
         self._asides = [(pivot[0] - pins[:, 0].mean(), 0.0) for pivot in drawing.pivots]
         scale_text = self._plot_scale()

@@ -191,7 +191,10 @@ def _draw_sketches(
     wide = (WIDTH if layout.above else _BESIDE) / len(sketches)
     for i, (name, sketched) in enumerate(sketches.items()):
         place = box(layout.height, (i + 0.02) * wide, 0.35, 0.96 * wide, layout.sketch - 0.4)
-        draw_sketch(figure.add_axes(place), sketched, with_dimensions=with_dimensions)
+        draw_sketch(
+            figure.add_axes(place), sketched,
+            with_dimensions=with_dimensions, with_centers=with_dimensions,
+        )  # fmt: skip
         color = DESIGN_COLORS[i] if len(sketches) > 1 else BLACK
         title = textwrap.shorten(name, 40)
         write_title(figure, title, left=i * wide + 0.2, color=fractions(color))

@@ -4,6 +4,7 @@
 
 import argparse
 import cmath
+import contextlib
 import functools
 import itertools
 import math
@@ -14,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 
 from linkage_lab.charts.linkage_picture import NAME_STYLE, LinkagePicture
@@ -29,18 +31,27 @@ from linkage_lab.output import (
     rounded,
     write_title,
 )
-from linkage_lab.period import Period
+from linkage_lab.period import Period, law_samples
 from linkage_lab.sampling import without_loads
-from linkage_ros import ConfigurationError, Force, Solver, Spring, State, cli
+from linkage_ros import (
+    ConfigurationError,
+    Force,
+    Solver,
+    Spring,
+    State,
+    UnreachableError,
+    cli,
+)
 from linkage_ros.extensions import LOADS
 from linkage_ros.formulas import Array
 from linkage_ros.internals import FRAME, UNITS, Drawing, axes_of, radians_per_second
-from linkage_ros.palette import BLACK, DARK, Color, fractions
+from linkage_ros.palette import BLACK, DARK, GREY, Color, fractions
 from linkage_ros.quantities import Angle, leaves
 
 # Crank angle of a mechanism that turns fully and is given by lengths, deg; links rarely overlap
 # there.
 DRAWN_AT = 45.0
+_STEPS_OF_LAW = 240  # in each repetition of a law
 # Inches: height of the drawing, of a line of text, and margin.
 HIGH, _LINE, _ROOM = 6.2, 0.165, 0.35
 _CHARACTERS = 118  # in a line of text
@@ -51,6 +62,10 @@ _MARKS = 4.0  # length of the arrow of a slide's direction, in marks of the draw
 # is enough, relative to the size of the drawing; and how far from a bar a pin divides it, relative
 # to the length of the bar.
 _SHARES, _ROOM_OF_DIMENSION, _ON_BAR = (0.35, 0.5, 0.65, 0.2, 0.8), 0.06, 0.01
+_SHARES_OF_ARROW = 0.5, 0.35, 0.65, 0.2, 0.8  # places of a link's arrow, the preferred first
+_AT_PIN = 0.03  # distance of marks that cover a pin, relative to the size of the drawing
+# Two quarters of a disk: with a circle, the sign of a centre of mass.
+_QUARTERS = Path.make_compound_path(Path.wedge(0, 90), Path.wedge(180, 270))
 _NEAR_BAR = 12.0  # largest distance of a dimension from its bar, points
 _DISTANCES = 10.0, 15.0, 22.0, 30.0, 40.0, 55.0, 70.0  # of names, points
 SPRING_STYLE: dict[str, Any] = {
@@ -140,7 +155,7 @@ def sketch(options: argparse.Namespace) -> None:
     with chart(files, height, layout=None) as figure:
         write_title(figure, name)
         axes = figure.add_axes((0.02, 1 - (_ROOM + HIGH) / height, 0.96, HIGH / height))
-        draw_sketch(axes, sketched, with_dimensions=options.dimensions)
+        draw_sketch(axes, sketched, with_dimensions=options.dimensions, with_centers=True)
         figure.text(
             0.3 / WIDTH, 1 - (_ROOM + HIGH + 0.05) / height, '\n'.join(written), va='top',
             family='monospace', fontsize=NUMBERS - 0.5, linespacing=1.25,
@@ -170,7 +185,18 @@ def sketch_of(design: Any, at: float | None = None) -> Sketched:
     place = _default_place(design, solver) if at is None else at
     rpm = 0.0 if driven.slides else getattr(design.drive, 'rpm', 0.0)
     state = solver.state((place, *positions), (radians_per_second(rpm), *rates))
-    return Sketched(design, solver, place, state, _unit(design))
+    return Sketched(design, solver, place, state, _unit(design), _path_of_law(design, solver))
+
+
+def _path_of_law(design: Any, solver: Solver) -> Array | None:
+    """Returns the positions of the links along the law of the drive, or None; see `Sketched`."""
+    law = design.drive.law(solver.structure.driven_link)
+    if law is None or solver.mobility is None:
+        return None
+    time, motion = law_samples(solver, law, _STEPS_OF_LAW)
+    with contextlib.suppress(UnreachableError):
+        return np.stack(solver.state(*motion(time)[:3]).position, axis=-1)
+    return None  # a note says so
 
 
 def _default_place(design: Any, solver: Solver) -> float:
@@ -299,7 +325,14 @@ def _link(sketched: Sketched, j: int) -> str:
     for name, unit in (('mass', 'kg'), ('inertia', 'kg m^2')):
         if value := getattr(part, name, 0.0):
             words += f', {name} {rounded(value)} {unit}'
+            if name == 'mass':
+                words += f' at {sketched.at(_center(sketched, j))}'
     return f'{link.name}: {words}'
+
+
+def _center(sketched: Sketched, j: int) -> complex:
+    """Returns the centre of mass of a link, m; that of a slide on the frame is at its pin."""
+    return sketched.point(sketched.solver.structure.links[j].center)
 
 
 def _slide_words(sketched: Sketched, j: int) -> str:
@@ -479,8 +512,17 @@ class _Drawn(NamedTuple):
     lines: list[Array]
 
 
-def draw_sketch(axes: Axes, sketched: Sketched, *, with_dimensions: bool) -> None:
-    """Draws a mechanism with all names and its loads."""
+def draw_sketch(
+    axes: Axes, sketched: Sketched, *, with_dimensions: bool, with_centers: bool
+) -> None:
+    """Draws a mechanism with all names and its loads.
+
+    Args:
+        axes: Axes to draw in.
+        sketched: The mechanism.
+        with_dimensions: Whether to write the lengths between pins.
+        with_centers: Whether to mark the centres of mass that are not at a pin.
+    """
     drawing = sketched.drawing
     parts = (
         _draw_springs(axes, sketched),
@@ -489,6 +531,12 @@ def draw_sketch(axes: Axes, sketched: Sketched, *, with_dimensions: bool) -> Non
     )
     labels = [label for part in parts for label in part.labels]
     marks = [line for part in parts for line in part.lines]
+    if with_centers:
+        _draw_centers(axes, sketched)
+    if with_dimensions:
+        for bar in _ground_bars(drawing):
+            line = np.array([bar.start, bar.end])
+            axes.plot(line.real, line.imag, color=fractions(GREY), linewidth=0.8, dashes=(8, 3))
     path = drawing.positions if sketched.path is None else sketched.path
     picture = LinkagePicture(axes, drawing, path, sketched.positions, marks)
     places = drawing.place(sketched.positions)
@@ -521,7 +569,8 @@ def _draw_loads(axes: Axes, sketched: Sketched) -> _Drawn:
     for name, (arrow,) in drawing.loads(sketched.positions, sketched.rates).items():
         if not np.ptp(arrow, axis=0).any():
             continue  # no load here
-        axes.plot(*arrow.T, color=fractions(BLACK), linewidth=2.0)
+        # It is above the links and the guide, along which it may point, and below the pins.
+        axes.plot(*arrow.T, color=fractions(BLACK), linewidth=2.0, zorder=2.5)
         tail, tip = complex(*arrow[0]), complex(*arrow[-2])
         load, on_link, _ = name.partition(' on ')
         word = load if on_link else f'on {name}'
@@ -540,18 +589,31 @@ def _draw_slides(axes: Axes, sketched: Sketched) -> _Drawn:
         zero, direction = _zero(sketched, j), cmath.rect(1.0, sketched.direction(j))
         side = 1j * direction
         start = zero + 1.5 * mark * side  # beside the path
-        tick = np.array([zero, start + 0.5 * mark * side])
-        axes.plot(tick.real, tick.imag, color=fractions(BLACK), linewidth=1.0)
+        tick = np.array([zero + 0.5 * mark * side, start + 0.5 * mark * side])  # shows a pin there
+        axes.plot(tick.real, tick.imag, color=fractions(DARK), linewidth=0.9, zorder=1.5)
         tip = start + _MARKS * mark * direction
         axes.annotate(
             '', (tip.real, tip.imag), (start.real, start.imag),
-            arrowprops={'arrowstyle': '-|>', 'color': fractions(BLACK), 'linewidth': 0.9},
+            arrowprops={'arrowstyle': '-|>', 'color': fractions(DARK), 'linewidth': 0.9},
+            zorder=1.5,
         )  # fmt: skip
         axes.plot(tip.real, tip.imag, linestyle='')  # counts for the limits of the axes
         arrow = np.array([start, tip])
         drawn.lines.extend(np.stack([x.real, x.imag], axis=1) for x in (tick, arrow))
         drawn.labels.append(_Label(f'0 {link.name} +', 0.5 * (start + tip), side, BLACK))
     return drawn
+
+
+def _draw_centers(axes: Axes, sketched: Sketched) -> None:
+    """Draws the centre of mass of each link that has a mass, unless it is at a pin."""
+    drawing, (pins, near) = sketched.drawing, _pins(sketched)
+    for j, link in enumerate(sketched.solver.structure.links):
+        center = _center(sketched, j)
+        if sketched.design.mechanism.parts()[link.name].mass and abs(pins - center).min() > near:
+            style: Any = {'color': fractions(drawing.colors[link.name]), 'zorder': 3.9}
+            place = [center.real], [center.imag]
+            axes.plot(*place, 'o', markersize=8, markerfacecolor='white', **style)
+            axes.plot(*place, marker=_QUARTERS, markersize=8, markeredgewidth=0, **style)
 
 
 def _name(axes: Axes, sketched: Sketched, j: int, line: Array, middle: complex) -> _Label:
@@ -570,7 +632,7 @@ def _name(axes: Axes, sketched: Sketched, j: int, line: Array, middle: complex) 
     if link.slides:
         at = sketched.pin_of(j)
     else:
-        at = complex((line @ (1, 1j))[:2].mean())  # the middle of the first side
+        at = _place_of_arrow(sketched, line, direction)
         before = at - 1e-6 * float(np.ptp(line)) * direction
         axes.annotate(
             '', (at.real, at.imag), (before.real, before.imag),
@@ -581,8 +643,38 @@ def _name(axes: Axes, sketched: Sketched, j: int, line: Array, middle: complex) 
     return _Label(link.name, at, -side if is_inward else side, color, bold=True)
 
 
+def _place_of_arrow(sketched: Sketched, line: Array, direction: complex) -> complex:
+    """Returns the place on a link, m, at which an arrow is on a line and covers no pin."""
+    sides = [(start, end) for start, end in itertools.pairwise(line @ (1, 1j)) if start != end]
+    parallel = [
+        (start, end)
+        for start, end in sides
+        if abs(((end - start) / direction).imag) < _ON_BAR * abs(end - start)
+    ]  # the first side of a link with a slot is not
+    start, end = max(parallel or sides, key=lambda side: abs(side[1] - side[0]))
+    places = [complex(start + share * (end - start)) for share in _SHARES_OF_ARROW]
+    pins, near = _pins(sketched)
+    return places[int(np.argmax([min(abs(pins - place).min(), near) for place in places]))]
+
+
+def _pins(sketched: Sketched) -> tuple[Any, float]:
+    """Returns the places of all pins, x + iy, and the distance of a mark that covers one, m."""
+    drawing = sketched.drawing
+    pins = np.concatenate([drawing.pivots, drawing.place(sketched.positions)[0]])
+    return pins @ (1, 1j), _AT_PIN * float(np.ptp(pins, axis=0).max())
+
+
+def _ground_bars(drawing: Drawing) -> list['_Bar']:
+    """Returns the lines from the first fixed pin to the others."""
+    (start, *others), (first, *names) = drawing.pivots @ (1, 1j), drawing.pivot_names
+    return [
+        _Bar(complex(start), complex(end), f'{first} to {name}')
+        for end, name in zip(others, names, strict=True)
+    ]
+
+
 def _dimensions(sketched: Sketched, marks: list[Array]) -> Iterator[_Label]:
-    """Yields the lengths of the bars of links that turn.
+    """Yields the lengths of the bars of links that turn, and of the lines between fixed pins.
 
     Args:
         sketched: The mechanism.
@@ -590,6 +682,8 @@ def _dimensions(sketched: Sketched, marks: list[Array]) -> Iterator[_Label]:
     """
     drawing, written = sketched.drawing, list[complex]()
     bars = [bar for link in drawing.turning for bar in _bars(sketched, link)]
+    ground = _ground_bars(drawing)
+    bars += ground
     lines = [(bar.start, bar.end) for bar in bars]
     lines += [pair for mark in marks for pair in itertools.pairwise(mark @ (1, 1j))]
     enough = _ROOM_OF_DIMENSION * float(np.ptp(drawing.bounds, axis=0).max())
@@ -601,7 +695,7 @@ def _dimensions(sketched: Sketched, marks: list[Array]) -> Iterator[_Label]:
         place = places[int(np.argmax(rooms))]  # the first of the best
         written.append(place)
         text, direction = sketched.length(bar.length, 4), 1j * (bar.end - bar.start)
-        yield _Label(text, place, direction, BLACK, is_optional=True)
+        yield _Label(text, place, direction, BLACK, is_optional=bar not in ground)
 
 
 class _Bar(NamedTuple):
