@@ -233,10 +233,10 @@ class PolledSubscription:
         handle = self._subscription.handle
         for _ in range(self._depth):  # a flood of messages must not block the thread
             with handle:
-                found = self._take(self._kind, True)
-            if not found:
+                message = self._take(self._kind, True)
+            if not message:
                 break
-            data, info = found
+            data, info = message
             received = info['received_timestamp'] or time.time_ns()
             if len(data) <= LARGEST_COMMAND:  # a message of megabytes would exceed a log's chunks
                 self._log(received, self._topic, data)
@@ -244,11 +244,11 @@ class PolledSubscription:
                 result = self._read(data, received)
             except ValueError as error:
                 self._rejections.add(error)
-            else:
-                if isinstance(result, Received):
-                    for linkage, cause in result.refused.items():
-                        self._rejections.add(cause, linkage)
-                yield result
+                continue
+            if isinstance(result, Received):
+                for linkage, cause in result.refused.items():
+                    self._rejections.add(cause, linkage)
+            yield result
         if self._rejections and self._throttle.is_due():
             self._logger.warning(f'messages on {self.name} are rejected: {self._rejections}')
             self._rejections = Rejections()

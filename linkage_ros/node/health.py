@@ -43,6 +43,20 @@ class Health(NamedTuple):
     trouble: str = ''
 
 
+class _Sample(NamedTuple):
+    """What a report has seen.
+
+    Attributes:
+        time: Time of the report, s.
+        counts: Counts of ticks so far.
+        parts: Health of log and viewer, by name.
+    """
+
+    time: float
+    counts: TickCounts
+    parts: dict[str, Health]
+
+
 class HealthMonitor:
     """Evaluates the health of a run over the last 10 s."""
 
@@ -54,9 +68,8 @@ class HealthMonitor:
         """
         self._node = node
         self._is_overloaded = False
-        # Time, s, counts and parts at the start of the window and at each report since.
-        self._past: deque[tuple[float, TickCounts, dict[str, Health]]] = deque()
-        self._past.append((time.monotonic(), TickCounts(), {}))
+        # At the start of the window and at each report since.
+        self._samples = deque([_Sample(time.monotonic(), TickCounts(), {})])
         self._last: dict[str, Status] = {}
 
     def report(
@@ -80,9 +93,9 @@ class HealthMonitor:
             The status of the motion, followed by those of the parts.
         """
         now = time.monotonic()
-        self._past.append((now, replace(counts), parts))
-        while len(self._past) > 2 and now - self._past[1][0] > WINDOW - _JITTER:
-            self._past.popleft()
+        self._samples.append(_Sample(now, replace(counts), parts))
+        while len(self._samples) > 2 and now - self._samples[1].time > WINDOW - _JITTER:
+            self._samples.popleft()
         return [self._motion(figures, list(troubles), state), *map(self._output, parts)]
 
     def changes(self, statuses: Sequence[Status]) -> list[Status]:
@@ -94,30 +107,32 @@ class HealthMonitor:
         Returns:
             The selected statuses. Errors of parts are omitted, because the parts log them.
         """
-        last, nothing = self._last, Status(OK, '', '', {})
+        changed = []
+        for status in statuses:
+            before = self._last.get(status.name, Status(OK, '', '', {}))
+            is_better = status.level < before.level
+            is_new_warning = status.level == WARN and status.message != before.message
+            if is_better or is_new_warning:
+                changed.append(status)
         self._last = {status.name: status for status in statuses}
-        return [
-            status
-            for status in statuses
-            for before in [last.get(status.name, nothing)]
-            if status.level < before.level
-            or (status.level == WARN and status.message != before.message)
-        ]
+        return changed
 
     def _motion(self, figures: dict[str, str], troubles: list[str], state: str) -> Status:
-        (start, first, _), (now, counts, _) = self._past[0], self._past[-1]
-        kept, missed = counts.kept - first.kept, counts.missed - first.missed
-        if counts.clock_steps > first.clock_steps:
+        """Returns the status of the motion, given further values and warnings."""
+        first, last = self._samples[0], self._samples[-1]
+        counts = last.counts
+        kept, missed = counts.kept - first.counts.kept, counts.missed - first.counts.missed
+        if counts.clock_steps > first.counts.clock_steps:
             step = counts.last_step / NS_PER_S
             troubles.append(f'the clock was stepped by {step:+.3f} s in the last {WINDOW} s')
         limit = _RECOVERED if self._is_overloaded else _OVERLOADED
-        is_full = now - start > WINDOW - _JITTER
-        self._is_overloaded = is_full and missed > limit * max(1, kept + missed)
+        is_full_window = last.time - first.time > WINDOW - _JITTER
+        self._is_overloaded = is_full_window and missed > limit * max(1, kept + missed)
         if self._is_overloaded:
             troubles.append(_BUSY)
-        rate = kept / (now - start)
-        if counts.start > start:  # the first tick was in this window
-            rate = (counts.kept - 1) / (now - counts.start)
+        rate = kept / (last.time - first.time)
+        if counts.start > first.time:  # the first tick was in this window
+            rate = (counts.kept - 1) / (last.time - counts.start)
         median, p99 = np.quantile(list(counts.lateness) or [0], (0.5, 0.99))
         values = {
             'rate kept, Hz': f'{rate:.2f}',
@@ -136,17 +151,19 @@ class HealthMonitor:
         return Status(WARN if troubles else OK, f'{self._node}: motion', words, values)
 
     def _output(self, part: str) -> Status:
-        past = [parts.get(part, Health('')) for _, _, parts in self._past]
-        target, dropped, error, trouble = past[-1]
-        level, words = OK, 'ok' if target else 'off'
-        if error is not None:
-            level, words = ERROR, f'failed: {error}'
-        elif trouble:
-            level, words = WARN, trouble
+        """Returns the status of a part, 'log' or 'viewer'."""
+        window = [sample.parts.get(part, Health('')) for sample in self._samples]
+        health = window[-1]
+        has_lost_items = health.dropped > window[0].dropped
+        level, words = OK, 'ok' if health.target else 'off'
+        if health.error is not None:
+            level, words = ERROR, f'failed: {health.error}'
+        elif health.trouble:
+            level, words = WARN, health.trouble
         # Losses during a problem that is reported anyway need no separate warning.
-        elif dropped > past[0].dropped and not any(one.trouble for one in past):
+        elif has_lost_items and not any(one.trouble for one in window):
             level, words = WARN, f'the {part} is too slow: items were lost in the last {WINDOW} s'
-        elif dropped:
-            words = f'ok, but items were lost: {dropped}'
-        values = {'target': target, 'lost': str(dropped)}
+        elif health.dropped:
+            words = f'ok, but items were lost: {health.dropped}'
+        values = {'target': health.target, 'lost': str(health.dropped)}
         return Status(level, f'{self._node}: {part}', words, values)

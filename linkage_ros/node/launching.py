@@ -170,16 +170,20 @@ def _with_drive(drive: str, arguments: Mapping[str, str]) -> Values:
     configure(file)
     names = linkage_names(file)
     top, own = split(file, names)
-    known = {}  # names of parameters by linkage
+    applicable = dict[str, set[str]]()  # names of parameters by linkage
     for name in names:
-        values = {'mechanism': 'four_bar', **top, **own[name], 'drive': drive}
-        found = parameter_leaves(MechanismAndDrive.of(values), {**top, **own[name]})
-        known[name] = {leaf.name for leaf in found}
-    kept = {x: value for x, value in top.items() if all(x in one for one in known.values())}
+        given = {**top, **own[name]}
+        kind = MechanismAndDrive.of({'mechanism': 'four_bar', **given, 'drive': drive})
+        applicable[name] = {leaf.name for leaf in parameter_leaves(kind, given)}
+    for_all = set.intersection(*applicable.values())
+    parameters = {parameter: value for parameter, value in top.items() if parameter in for_all}
     for name in filter(None, names):
-        kept |= {f'{name}.{x}': value for x, value in own[name].items() if x in known[name]}
-    kept |= {LINKAGES: file[LINKAGES]} if LINKAGES in file else {}
-    return {**kept, 'drive': drive}
+        for parameter, value in own[name].items():
+            if parameter in applicable[name]:
+                parameters[f'{name}.{parameter}'] = value
+    if LINKAGES in file:
+        parameters[LINKAGES] = file[LINKAGES]
+    return {**parameters, 'drive': drive}
 
 
 def robot(arguments: Mapping[str, str]) -> tuple[Values, list[Any]]:
@@ -201,6 +205,39 @@ def robot(arguments: Mapping[str, str]) -> tuple[Values, list[Any]]:
     linkages = configure(values).linkages
     joints = [joint.name for x in linkages for joint in x.robot_joints if joint.name]
     cranks = [x.robot_joints[x.mechanism.structure().driven].name for x in linkages]
+    measured_urdf, passive_urdf = _robot_urdfs(arguments, joints, cranks)
+    # The limit of publish_frequency would drop other messages in one than in the other.
+    publisher['ignore_timestamp'] = True
+    own = [
+        ('joint_states', arguments['joint_states']),
+        ('robot_description', 'linkage/robot_description'),
+    ]
+    passive = {**publisher, 'robot_description': passive_urdf}
+    actions = [_state_publisher(arguments, 'linkage_state_publisher', passive, own)]
+    if is_asked_for(arguments, 'state_publisher'):
+        measured = {**publisher, 'robot_description': measured_urdf}
+        renamed = [('joint_states', arguments['measured'])]
+        actions.append(_state_publisher(arguments, 'robot_state_publisher', measured, renamed))
+    return values, actions
+
+
+def _robot_urdfs(
+    arguments: Mapping[str, str], joints: Sequence[str], cranks: Sequence[str]
+) -> tuple[str, str]:
+    """Reads the URDF of a robot, without the mimic tags of the linkages' joints.
+
+    Args:
+        arguments: All arguments of robot.launch.py.
+        joints: Names of the linkages' joints.
+        cranks: Names of their driven joints.
+
+    Returns:
+        The URDF; and the same with other names of the driven joints, for the publisher of the
+        linkages' joints: their messages repeat the crank, which another publisher publishes.
+
+    Raises:
+        ConfigurationError: The file is not a URDF with these joints.
+    """
     path = Path(arguments['urdf'])
     root = read_xml(path)
     missing = {*joints} - {joint.get('name') for joint in root.iter('joint')}
@@ -213,25 +250,12 @@ def robot(arguments: Mapping[str, str]) -> tuple[Values, list[Any]]:
         mimic = joint.find('mimic')
         if mimic is not None and joint.get('name') in joints:
             joint.remove(mimic)
-    whole = ET.tostring(root, encoding='unicode')
-    # The answers repeat the crank, which the first robot_state_publisher already publishes.
-    for joint in (*root.iter('joint'), *root.iter('mimic')):
-        name = 'joint' if joint.tag == 'mimic' else 'name'
-        if joint.get(name) in cranks:
-            joint.set(name, f'{joint.get(name)}, measured')
-    # The limit of publish_frequency would drop other messages in one than in the other.
-    publisher['ignore_timestamp'] = True
-    passive = {**publisher, 'robot_description': ET.tostring(root, encoding='unicode')}
-    measured = [('joint_states', arguments['measured'])]
-    own = [
-        ('joint_states', arguments['joint_states']),
-        ('robot_description', 'linkage/robot_description'),
-    ]
-    actions = [_state_publisher(arguments, 'linkage_state_publisher', passive, own)]
-    if is_asked_for(arguments, 'state_publisher'):
-        publisher['robot_description'] = whole
-        actions.append(_state_publisher(arguments, 'robot_state_publisher', publisher, measured))
-    return values, actions
+    urdf = ET.tostring(root, encoding='unicode')
+    for element in (*root.iter('joint'), *root.iter('mimic')):
+        attribute = 'joint' if element.tag == 'mimic' else 'name'
+        if element.get(attribute) in cranks:
+            element.set(attribute, f'{element.get(attribute)}, measured')
+    return urdf, ET.tostring(root, encoding='unicode')
 
 
 def frame_publisher(arguments: Mapping[str, str], values: Mapping[str, object]) -> list[Any]:
@@ -317,14 +341,14 @@ def _described(values: Values, arguments: Mapping[str, str]) -> tuple[Values, Va
     Raises:
         ConfigurationError: Their fixed pivots are on different links.
     """
-    found, publisher = _in_tf(values, arguments)
+    parameters, publisher = _in_tf(values, arguments)
     description = merged_urdf(
         [
             make_urdf(x.mechanism, x.session.joint_prefix, x.session.frame_id)
             for x in configure(values).linkages
         ]
     )
-    return found, {'robot_description': description, **publisher}
+    return parameters, {'robot_description': description, **publisher}
 
 
 def program(
@@ -457,23 +481,27 @@ def rviz_file(template: Path, values: Mapping[str, object], frame_prefix: str) -
         Path of a file, which exists until this process ends.
     """
     linkages = configure(values).linkages
-    text = template.read_text(encoding='utf-8').replace(ROOT_FRAME, linkages[0].session.frame_id)
-    points = [
+    topics = [
         topic_of_linkage(point_topic(point), linkage.name).name
         for linkage in linkages
         for point in linkage.mechanism.structure().traced
     ]
-    text = _RVIZ_POINT.sub(
-        lambda shown: ''.join(
-            shown[0]
-            .replace('Name: coupler_point', f'Name: {topic.replace("points/", "")}')
-            .replace('Value: points/coupler_point', f'Value: {topic}')
-            for topic in points
-        ),
-        text,
-    )
+
+    def displays(of_template: re.Match[str]) -> str:
+        """Returns a display for each point, like that of the template."""
+        return ''.join(_display_of(topic, of_template[0]) for topic in topics)
+
+    text = template.read_text(encoding='utf-8').replace(ROOT_FRAME, linkages[0].session.frame_id)
+    text = _RVIZ_POINT.sub(displays, text)
     prefix = f"TF Prefix: '{frame_prefix.removesuffix('/')}'"
     return _file_in_memory(text.replace("TF Prefix: ''", prefix))
+
+
+def _display_of(topic: str, template: str) -> str:
+    """Returns the display of a point in an RViz configuration; the template has coupler_point."""
+    name = topic.replace('points/', '')
+    named = template.replace('Name: coupler_point', f'Name: {name}')
+    return named.replace('Value: points/coupler_point', f'Value: {topic}')
 
 
 def _file_in_memory(text: str) -> str:

@@ -129,7 +129,8 @@ class LinkageNode(LifecycleNodeMixin, ParameterNode):  # type: ignore[misc]  # r
         for linkage in configuration.linkages:
             prefix, own = prefix_of(linkage.name, '.'), linkage.parameters()
             for name, value in own.items():
-                if known[f'{prefix}{name}' if name not in OF_THE_RUN else name].quantity.live:
+                full_name = name if name in OF_THE_RUN else f'{prefix}{name}'
+                if known[full_name].quantity.live:
                     values.setdefault(f'{prefix}{name}', value)
             if 'start_rpm' not in own and 'rpm' in own:
                 values[f'{prefix}start_rpm'] = own['rpm']  # the effective default
@@ -214,7 +215,8 @@ class LinkageNode(LifecycleNodeMixin, ParameterNode):  # type: ignore[misc]  # r
         try:
             if not self._is_over and self._run:
                 is_moving, cause = self._state in _MOVING, self._stop.signal or 'end'
-                self._state = self._state and _FINALIZED
+                if self._state:  # the node is managed
+                    self._state = _FINALIZED
                 if not is_moving or self._run.pause(cause, self._stop.join):
                     self._report()
                 else:

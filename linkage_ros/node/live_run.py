@@ -5,7 +5,7 @@
 import functools
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any, TypeAlias, TypeVar, cast
 
@@ -15,7 +15,7 @@ from rclpy.publisher import Publisher
 from linkage_ros.errors import LinkageError, MotionError, in_linkage, one_line
 from linkage_ros.log.records import LinkageEnd, TorqueEnd
 from linkage_ros.log.rows import LoggedState
-from linkage_ros.messages.cdr import WARN, encode_diagnostics
+from linkage_ros.messages.cdr import WARN, Status, encode_diagnostics
 from linkage_ros.messages.templates import encode_efforts
 from linkage_ros.messages.topics import DIAGNOSTICS, SIMULATED_CLOCK, Topic, prefix_of
 from linkage_ros.motion.drives.follow import MeasuredCrank
@@ -97,27 +97,23 @@ class LiveRun:
         # Names of linkages whose motion has ended, each with the error.
         self._ended = dict[str, LinkageError]()
         self._held = HeldEfforts(robot.names)
-        others, inputs, forces = [DIAGNOSTICS], robot.inputs(), robot.live_forces()
-        heard: dict[Topic, Any] = {**inputs}
-        for topics in forces.values():
-            heard |= topics
-        others += robot.descriptions()
         self._trajectory: TrajectoryAhead | None = None
+        others = [*robot.descriptions()]
         if robot.drive.trajectory_command_topic:
             self._trajectory = TrajectoryAhead(robot)
             others.append(self._trajectory.topic)
+        inputs, forces = robot.inputs(), robot.live_forces()
+        heard = [*inputs, *chain.from_iterable(forces.values())]
         with reported_as_configuration():  # a topic name may be invalid
-            require_distinct(node, [*heard, *robot.templates.topics, *others])
+            require_distinct(node, [*heard, *robot.templates.topics, DIAGNOSTICS, *others])
             self._states = {
                 topic.name: StatePublisher(node, topic) for topic in robot.templates.topics
             }
-            self._publisher_of = {DIAGNOSTICS.name: diagnostics}
-            for topic in others:
-                if topic is not DIAGNOSTICS:
-                    self._publisher_of[topic.name] = create_publisher(node, topic)
+            self._publisher_of = {topic.name: create_publisher(node, topic) for topic in others}
+        self._publisher_of[DIAGNOSTICS.name] = diagnostics
         self._publisher_of |= {name: state.publisher for name, state in self._states.items()}
         self._torque = self._new_torque()
-        self._outputs = Outputs(node, robot, [*others, *heard])
+        self._outputs = Outputs(node, robot, [DIAGNOSTICS, *others, *heard])
         self._polled = list[PolledSubscription]()
         self._inputs = self._subscribed(inputs)
         self.linkages = {
@@ -133,13 +129,13 @@ class LiveRun:
 
     def _subscribed(self, sources: Mapping[Topic, Any]) -> list[tuple[PolledSubscription, Any]]:
         """Subscribes to topics; returns each subscription with the reader of its messages."""
-        log = self._outputs.log_message
-        found = [
-            (PolledSubscription(self._node, topic, source.read, log), source)
-            for topic, source in sources.items()
-        ]
-        self._polled += [subscription for subscription, _ in found]
-        return found
+        subscribed = list[tuple[PolledSubscription, Any]]()
+        for topic, source in sources.items():
+            log = self._outputs.log_message
+            subscription = PolledSubscription(self._node, topic, source.read, log)
+            self._polled.append(subscription)
+            subscribed.append((subscription, source))
+        return subscribed
 
     def _make_ticker(self) -> Ticker:
         callbacks = self._robot.ticks, self._tick, self._restamp, self._fail
@@ -240,11 +236,11 @@ class LiveRun:
         """Computes and publishes the state of a tick; runs in the ticker's thread."""
         start = self._ticker.t0
         elapsed = stamp - start
-        motions = self._each(stamp, self._moving, lambda x: x.begin_tick(stamp, start))
+        motions = self._each(stamp, self._moving, lambda one: one.begin_tick(stamp, start))
         for subscription, source in self._inputs:
             motions = self._received(subscription, source, motions, stamp, elapsed)
-        found = self._each(stamp, motions, lambda x: x.at(stamp, motions[x.name]))
-        self._publish_state(stamp, found)
+        moments = self._each(stamp, motions, lambda one: one.at(stamp, motions[one.name]))
+        self._publish_state(stamp, moments)
         self._publish_trajectory(stamp)
 
     def _each(
@@ -263,13 +259,13 @@ class LiveRun:
         Raises:
             LinkageError: The motion of the last linkage ends.
         """
-        found = dict[str, _T]()
+        results = dict[str, _T]()
         for name in [name for name in names if name in self._moving]:
             try:
-                found[name] = do(self._moving[name])
+                results[name] = do(self._moving[name])
             except LinkageError as error:  # noqa: PERF203, one must not affect the others
                 self._end_motion(name, stamp, error)
-        return found
+        return results
 
     def _end_motion(self, name: str, stamp: int, error: LinkageError) -> None:
         """Ends the motion of a linkage; the others continue.
@@ -297,14 +293,22 @@ class LiveRun:
         stamp: int,
         elapsed: int,
     ) -> dict[str, Motion]:
-        """Applies the messages received since the last tick to the motions, by linkage."""
+        """Applies the messages received since the last tick to the motions, by linkage.
+
+        Args:
+            subscription: Subscription of the messages.
+            source: The reader of each linkage.
+            motions: The motions before.
+            stamp: Stamp of the tick, ns.
+            elapsed: Its time since tick 0, ns.
+        """
         for name, motion in motions.items():
             source.sources[name].prepare(motion, stamp)
-        received = [*subscription.take()]
+        messages: list[Received] = [*subscription.take()]
 
         def applied(linkage: MovingLinkage) -> Motion:
             name = linkage.name
-            values = [one.values[name] for one in received if name in one.values]
+            values = [message.values[name] for message in messages if name in message.values]
             return source.sources[name].applied(motions[name], stamp, elapsed, values)
 
         return self._each(stamp, motions, applied)
@@ -321,13 +325,13 @@ class LiveRun:
         """Publishes the state of a measurement; runs in the ticker's thread."""
         stamp, _ = next(iter(received.values.values()))
         # Of all, because a force acts from the next state on, even if that lacks its linkage.
-        under = {name: linkage.conditions(stamp) for name, linkage in self._moving.items()}
-        found = dict[str, Moment]()
-        for name, (_, coordinates) in received.values.items():
+        conditions = {name: linkage.conditions(stamp) for name, linkage in self._moving.items()}
+        moments = dict[str, Moment]()
+        for name, (_, measured) in received.values.items():
             if name in self._moving:
-                now = self._moving[name].measured(stamp, coordinates, under[name])
-                found[name] = now, self._crank(name).later(now)
-        self._publish_state(stamp, found)
+                coordinates = self._moving[name].measured(stamp, measured, conditions[name])
+                moments[name] = coordinates, self._crank(name).later(coordinates)
+        self._publish_state(stamp, moments)
 
     def _crank(self, name: str) -> MeasuredCrank:
         """Returns the reader of the measured crank of a linkage."""
@@ -338,14 +342,14 @@ class LiveRun:
         for linkage in self._moving.values():
             linkage.restamp(old, new)
 
-    def _publish_state(self, stamp: int, found: Mapping[str, Moment]) -> None:
+    def _publish_state(self, stamp: int, moments: Mapping[str, Moment]) -> None:
         """Computes, publishes, logs and shows the state at a stamp.
 
         Args:
             stamp: The stamp, ns.
-            found: Coordinates of each linkage in the state, and those ahead, by name.
+            moments: Coordinates of each linkage in the state, and those ahead, by name.
         """
-        parts = self._each(stamp, found, lambda x: x.part(*found[x.name]))
+        parts = self._each(stamp, moments, lambda one: one.part(*moments[one.name]))
         if not parts:
             return
         names = tuple(parts)
@@ -355,12 +359,12 @@ class LiveRun:
         messages = templates.pack(stamp, numbers)
         now = time.time_ns()
         for topic, place in templates.slices.items():
-            state = self._states[topic.name]
-            if state.is_heard:
-                state.publisher.publish(messages[place])
+            published = self._states[topic.name]
+            if published.is_heard:
+                published.publisher.publish(messages[place])
         self._outputs.log_state(LoggedState(now, messages, names))
         self._torque.renew(names)
-        states = {name: one for name in names if (one := self.linkages[name].state)}
+        states = {name: state for name in names if (state := self.linkages[name].state)}
         self._outputs.show(stamp, states)
 
     def _publish_trajectory(self, stamp: int) -> None:
@@ -422,6 +426,14 @@ class LiveRun:
         health = self._outputs.health()
         troubles = self._troubles() if state in {'', ACTIVE} else []
         statuses = self._monitor.report(self._ticker.counts, figures, health, troubles, state)
+        self._log_news(statuses)
+        now = self._node.get_clock().now().nanoseconds  # 0 until the first /clock message
+        kinds = (x.kind.mechanism for x in self._robot.configuration.linkages)
+        hardware = ', '.join(dict.fromkeys(kinds))
+        self._publish(DIAGNOSTICS, encode_diagnostics(now, hardware, statuses))
+
+    def _log_news(self, statuses: Sequence[Status]) -> None:
+        """Logs first states, new warnings and the ends of warnings, and ranges that were left."""
         logger = self._node.get_logger()
         for line in self._first_states():
             logger.info(line)
@@ -433,10 +445,6 @@ class LiveRun:
         for name, linkage in self.linkages.items():
             for line in linkage.ranges.notes():
                 logger.warning(f'{prefix_of(name, ": ")}{line}')
-        now = self._node.get_clock().now().nanoseconds  # 0 until the first /clock message
-        kinds = (x.kind.mechanism for x in self._robot.configuration.linkages)
-        hardware = ', '.join(dict.fromkeys(kinds))
-        self._publish(DIAGNOSTICS, encode_diagnostics(now, hardware, statuses))
 
     def _troubles(self) -> list[str]:
         """Returns the current warnings about the motion."""
@@ -468,13 +476,11 @@ class LiveRun:
         if self.error:
             return
         self.error = error
-        kind = (
-            ''
-            if isinstance(error, LinkageError)
-            else f'the motion ends here: {type(error).__name__}: '
-        )
-        whose = next((name for name, x in self._ended.items() if x is error), '')
-        self._node.get_logger().fatal(f'{prefix_of(whose, ": ")}{kind}{error}')
+        words = str(error)
+        if not isinstance(error, LinkageError):
+            words = f'the motion ends here: {type(error).__name__}: {error}'
+        linkage = next((name for name, own in self._ended.items() if own is error), '')
+        self._node.get_logger().fatal(f'{prefix_of(linkage, ": ")}{words}')
         cause = END_OF_MOTION if isinstance(error, MotionError) else 'error'
         self._end_torques(cause)
         self._on_failure()

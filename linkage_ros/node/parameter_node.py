@@ -67,19 +67,19 @@ def given_values(node: Node, arguments: Iterable[str] = ()) -> dict[str, object]
     with rclpy_internals():
         # The public automatic declaration refuses empty lists and accepts use_sim_time: 7.
         overrides = node._parameter_overrides  # noqa: SLF001
-    found = without_ros_parameters({name: p.value for name, p in overrides.items()})
+    values = without_ros_parameters({name: p.value for name, p in overrides.items()})
     pairs = [*itertools.pairwise((*sys.argv, *arguments))]
-    node_name = node.get_fully_qualified_name()
     rules = _rules(pairs)
-    _require_no_hidden(found, rules)
+    _require_no_hidden(values, rules)
+    node_name = node.get_fully_qualified_name()
     for path in [path for option, path in pairs if option == '--params-file']:
-        read = read_parameter_file(path, node_name)
-        for name in {*names_of_others(read, path, node_name)} - {*rules}:
-            found.pop(name, None)
-        for name, value in with_files(read, path).items():
-            if found.get(name) == read[name]:
-                found[name] = value
-    return found
+        in_file = read_parameter_file(path, node_name)
+        for name in {*names_of_others(in_file, path, node_name)} - {*rules}:
+            values.pop(name, None)
+        for name, value in with_files(in_file, path).items():
+            if values.get(name) == in_file[name]:
+                values[name] = value
+    return values
 
 
 def _rules(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
@@ -103,13 +103,14 @@ def _require_no_hidden(values: Mapping[str, Any], rules: Mapping[str, str]) -> N
     """
     for name, text in rules.items():
         value = values.get(name)
-        first = value[0] if isinstance(value, list | array) and value else value
-        one = text.strip('[] ').partition(',')[0]
-        given = read_scalar(one)
-        is_float = isinstance(given, float) and not one.lstrip('+-').isdigit()
-        is_ignored = type(first) is int and is_float
-        is_text = type(first) in {int, float} and isinstance(given, str) and 'deg' in given
-        if is_ignored or is_text:
+        of_file = value[0] if isinstance(value, list | array) and value else value
+        first_text = text.strip('[] ').partition(',')[0]
+        of_rule = read_scalar(first_text)
+        is_float = isinstance(of_rule, float) and not first_text.lstrip('+-').isdigit()
+        is_in_degrees = isinstance(of_rule, str) and 'deg' in of_rule
+        hides_float = type(of_file) is int and is_float
+        hides_text = type(of_file) in {int, float} and is_in_degrees
+        if hides_float or hides_text:
             raise ConfigurationError(
                 f'{name} = {shown(value)} of a parameter file hides -p {name}:={text}, because '
                 f'ROS ignores a value of another type: take {name} out of the file'
@@ -206,12 +207,8 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
         Returns:
             The result for all parameters.
         """
-        changed = []
-        for given in parameter_list:
-            new = _with_numbers(given, self._quantities.get(given.name))
-            old = self.get_parameter(new.name) if self.has_parameter(new.name) else None
-            if old is None or new.get_parameter_value() != old.get_parameter_value():
-                changed.append(new)
+        given = (_with_numbers(x, self._quantities.get(x.name)) for x in parameter_list)
+        changed = [parameter for parameter in given if self._changes(parameter)]
         if reason := next(filter(None, map(self._refusal, changed)), ''):
             return SetParametersResult(successful=False, reason=reason)
         if self._is_open:
@@ -231,6 +228,13 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
             for name, value in checked.items():
                 self.set_live(name, value)
         return result
+
+    def _changes(self, parameter: Parameter) -> bool:
+        """Returns whether a parameter differs from its current value."""
+        if not self.has_parameter(parameter.name):
+            return True
+        current = self.get_parameter(parameter.name)
+        return bool(parameter.get_parameter_value() != current.get_parameter_value())
 
     def _refusal(self, changed: Parameter) -> str:
         """Returns why a parameter cannot be changed now; empty if it can."""

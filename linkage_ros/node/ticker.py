@@ -147,6 +147,7 @@ class RealTimeTicker(Ticker):
     """Generates ticks in real time."""
 
     def _due(self) -> Iterator[tuple[int]]:
+        """Sleeps until each tick is due, and yields its stamp; late ticks are skipped."""
         now = time.monotonic_ns()
         origin = now - self._ticks.elapsed(self._next)
         self._begin(now + _clock_offset())
@@ -156,13 +157,13 @@ class RealTimeTicker(Ticker):
                 return
             self.counts.lateness.append(late)
             self.counts.max_lateness = max(self.counts.max_lateness, late)
-            due = self._ticks.tick_at(time.monotonic_ns() - origin)
-            self.counts.missed += due - self._next
-            stepped = origin + _clock_offset() - self.t0
-            if abs(stepped) > CLOCK_STEP:
-                self._step_clock(due, stepped)
-            yield (self._stamp(due),)
-            self._next = due + 1
+            newest = self._ticks.tick_at(time.monotonic_ns() - origin)
+            self.counts.missed += newest - self._next
+            step = origin + _clock_offset() - self.t0
+            if abs(step) > CLOCK_STEP:
+                self._step_clock(newest, step)
+            yield (self._stamp(newest),)
+            self._next = newest + 1
 
     def _sleep_until(self, deadline: int) -> int:
         """Sleeps until a time of the monotonic clock or a stop; returns the lateness, ns."""
@@ -194,6 +195,7 @@ class SimTimeTicker(Ticker):
     """
 
     def _due(self) -> Iterator[tuple[int]]:
+        """Waits for messages of the clock, and yields the stamp of each tick up to them."""
         last = None
         while not self._stop.is_set():
             for now in self._receive():
@@ -203,12 +205,12 @@ class SimTimeTicker(Ticker):
                 if now < last:
                     # Stamp the next state with the new time, without a jump of the motion.
                     self._step_clock(self._next, now - self._stamp(self._next))
-                due = self._ticks.tick_at(now - self.t0) if now >= self.t0 else -1
-                if due - self._next >= _MAX_TICKS_PER_MESSAGE:
+                newest = self._ticks.tick_at(now - self.t0) if now >= self.t0 else -1
+                if newest - self._next >= _MAX_TICKS_PER_MESSAGE:  # a jump forwards
                     self.counts.clock_steps += 1
                     self.counts.last_step = now - last
-                    self._next = due
+                    self._next = newest
                 last = now
-                while self._next <= due and not self._stop.is_set():
+                while self._next <= newest and not self._stop.is_set():
                     yield (self._stamp(self._next),)
                     self._next += 1

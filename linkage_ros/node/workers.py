@@ -7,14 +7,13 @@ A worker moves slow work to its own thread, so that the disk and the viewer neve
 
 import ctypes
 import gc
-import operator
 import os
 import sys
 import threading
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from linkage_ros.errors import LogError
 
@@ -91,6 +90,20 @@ def accompany_ticker() -> None:
     take_real_time_priority(_COMPANION_PRIORITY)
 
 
+class _Waiting(NamedTuple):
+    """An item that waits for the consumer.
+
+    Attributes:
+        number: Number of the item among all offered ones.
+        size: About the memory that it takes, bytes.
+        item: The item.
+    """
+
+    number: int
+    size: int
+    item: Any
+
+
 class Worker(Generic[_T]):
     """Passes batches of items from a bounded queue to a consumer, in a separate thread.
 
@@ -132,8 +145,8 @@ class Worker(Generic[_T]):
         self.dropped = 0
         self._consumer, self._on_error, self._on_start = consumer, on_error, on_start
         self._period, self._gap, self._capacity = period, gap, capacity
-        # Waiting items with their numbers in order and their sizes.
-        self._queue, self._kept = deque[tuple[int, int, _T]](), list[tuple[int, int, _T]]()
+        # Those that may be dropped, and those that must be kept.
+        self._queue, self._kept = deque[_Waiting](), list[_Waiting]()
         self._offered = self._bytes = 0
         self._lock = threading.Lock()
         self._stop = threading.Event()
@@ -154,10 +167,10 @@ class Worker(Generic[_T]):
                 self.dropped += 1
                 return
             self._offered += 1
-            (self._kept if keep else self._queue).append((self._offered, size, item))
+            (self._kept if keep else self._queue).append(_Waiting(self._offered, size, item))
             self._bytes += size
             while self._queue and (len(self._queue) > self._capacity or self._bytes > _MOST_BYTES):
-                self._bytes -= self._queue.popleft()[1]
+                self._bytes -= self._queue.popleft().size
                 self.dropped += 1
             is_full = self._bytes > _MOST_BYTES
         if is_full:
@@ -188,16 +201,17 @@ class Worker(Generic[_T]):
                 self._fail(error)
 
     def _feed(self) -> None:
+        """Passes the waiting items to the consumer, once in each period, until the end."""
         is_last, reported = False, 0
         while not is_last and self.error is None:
             is_last = self._stop.wait(self._period)
             with self._lock:
                 waiting = [*self._queue]
                 if self._kept:
-                    waiting = sorted([*self._kept, *waiting], key=operator.itemgetter(0))
+                    waiting = sorted([*self._kept, *waiting], key=lambda one: one.number)
                 self._clear()
                 dropped = self.dropped
-            items: list[Any] = [item for _, _, item in waiting]
+            items: list[Any] = [one.item for one in waiting]
             if self._gap and dropped > reported:  # the oldest were dropped: the gap comes first
                 items.insert(0, self._gap(dropped - reported))
             reported = dropped
