@@ -165,6 +165,7 @@ def _smooth(
         known |= {n: Decimal(x) for n, x in enumerate(first_slopes)}
         known |= {last * size + n: Decimal(x) for n, x in enumerate(last_slopes)}
     slopes = known | _solved(*_system(pieces, size, count, known))
+    # A periodic spline has the slopes of the first point at the last.
     return [tuple(slopes[(i * size + n) % count] for n in range(size)) for i in range(last + 1)]
 
 

@@ -133,9 +133,9 @@ class Drawing:
         swept = self.place(positions)
         in_reach = np.concatenate([self.pivots, swept.reshape(-1, 2)])
         self._mark = _MARK * np.ptp(in_reach, axis=0).max()
-        self.paths = {
-            pin: swept[:, self.pins.index(pin)] for pin in self.owners if mechanism.reach()
-        }
+        self.paths = dict[str, Array]()
+        if mechanism.reach():  # there is no free slider
+            self.paths = {pin: swept[:, self.pins.index(pin)] for pin in self.owners}
         self._connect(carriers, self._hidden(mechanism, positions), positions)
         self.ground = self._ground(swept)
         self.pivot_labels = self._pivot_labels(swept)
@@ -502,13 +502,14 @@ class Drawing:
 
 def _shape(ends: tuple[str, str], points: list[str], slots: list[Slot]) -> list[str]:
     """Returns the corners of a link that turns, by its ends, further points, and slots."""
-    if slots and ends[1] == slots[0].near:
+    if slots and ends[1] == slots[0].near:  # a lever, which ends at its slot
         return slots[0].joined([ends[0], *points])
     shape = [*ends]
     for i, point in enumerate(points):
         shape += [point, ends[i % 2]]  # a triangle with both ends
     for slot in slots:
-        shape += slot.joined([min((*ends, *points), key=slot.distance)])
+        nearest = min((*ends, *points), key=slot.distance)
+        shape += slot.joined([nearest])
     return shape
 
 
