@@ -25,7 +25,6 @@ from linkage_ros import (
     ConfigurationError,
     Mechanism,
     Solver,
-    Spring,
     State,
     Travel,
     WindPump,
@@ -155,17 +154,24 @@ class Period:
                 self.add(f'{point}.{name}', unit, vector)
 
     def _add_springs(self, state: State) -> None:
-        """Adds length, rate of the length and tension of each spring."""
+        """Adds length, rate of the length and, of a load, tension of each spring and cylinder."""
         for name in self.springs:
             spring = self.solver.spring(state, name)
             self.add(f'{name}.length', 'm', spring.length)
             self.add(f'{name}.length_rate', 'm/s', spring.rate)
-            self.add(f'{name}.tension', 'N', spring.tension)
+            if name not in self.cylinders:
+                self.add(f'{name}.tension', 'N', spring.tension)
 
     @property
     def springs(self) -> list[str]:
-        """Names of the loads of kind spring."""
-        return [load.name for load in self.solver.mechanism.loads if isinstance(load, Spring)]
+        """Names of the loads of kind spring, and of the cylinders without a load."""
+        return [*self.solver.springs]
+
+    @property
+    def cylinders(self) -> list[str]:
+        """Names of the cylinders of a drawing without a load, which have no tension."""
+        loads = {load.name for load in self.solver.mechanism.loads}
+        return [name for name in self.springs if name not in loads]
 
     @property
     def effort(self) -> str:

@@ -6,12 +6,13 @@ import csv
 import json
 import math
 
+import numpy as np
 import pytest
 from pages import page_files, read
 
 from linkage_lab import command_line
 from linkage_lab.charts.state import assemblies, snapshots
-from linkage_lab.period import SLIDING, TURNING
+from linkage_lab.period import SLIDING, TURNING, law_period
 from linkage_ros import Solver, UnreachableError
 from linkage_ros.settings.configuration import configure, load
 
@@ -117,6 +118,65 @@ def test_option_for_another_joint_is_refused(preset, words, monkeypatch, capsys)
     monkeypatch.setattr('sys.argv', ['linkage_chart', 'state', preset, *words.split()])
     assert command_line.main() == 2
     assert words.split()[0] in capsys.readouterr().err
+
+
+ARM = {
+    'mechanism': 'drawing', 'drawing.units': 'mm', 'drawing.frame': ['O', 'G'],
+    'drawing.pins.O': [0.0, 0.0], 'drawing.pins.G': [300.0, -50.0],
+    'drawing.pins.A': [200.0, 150.0], 'drawing.pins.tip': [500.0, 250.0],
+    'drawing.links.arm.pins': ['O', 'A', 'tip'], 'drawing.links.arm.mass': 20.0,
+    'drawing.links.arm.center': [250.0, 120.0], 'drawing.cylinders.ram.from': 'G',
+    'drawing.cylinders.ram.to': 'A',
+}  # fmt: skip
+CARRIED = ARM | {
+    'drawing.frame': ['O', 'G', 'Q'], 'drawing.pins.Q': [500.0, 0.0],
+    'drawing.pins.B': [430.0, 210.0], 'drawing.links.rod.pins': ['A', 'B'],
+    'drawing.links.out.pins': ['Q', 'B'], 'drawing.cylinders.far.from': 'tip',
+    'drawing.cylinders.far.to': 'B',
+}  # fmt: skip
+LAW = {'drive': 'motion', 'motion.amplitude': 0.05, 'motion.frequency': 0.5}
+
+
+def test_the_force_of_a_cylinder_is_the_torque_divided_by_its_leverage():
+    driven = configure(ARM | {'drawing.input': 'ram', 'drive': 'follow'}).only
+    place = driven.mechanism.drawn.position
+    ((force, *_), _) = snapshots(driven, place, 0.0)
+    carried = configure(CARRIED | {'drawing.input': 'arm', 'drive': 'follow'}).only
+    ((torque, *_), _) = snapshots(carried, carried.mechanism.drawn.position, 0.0)
+    found = torque.values['driving_torque'].value / torque.values['ram.leverage'].value
+    assert math.isclose(found, force.values['driving_force'].value, rel_tol=1e-12)
+    assert math.isclose(torque.values['ram.length'].value, place, rel_tol=1e-12)
+    assert 'ram.tension' not in torque.values
+
+
+def test_each_cylinder_has_columns_of_a_motion():
+    design = configure({**CARRIED, **LAW, 'drawing.input': 'arm', 'motion.center': '37deg'}).only
+    solver = Solver(design.mechanism)
+    columns = law_period(solver, design.drive).columns
+    values = {name: np.array(column.values) for name, column in columns.items()}
+    state = solver.state(values['arm.direction'])
+    tip, B = (np.array(solver.point(state, name).position) for name in ('tip', 'B'))
+    assert np.allclose(values['far.length'], np.hypot(*(tip - B)), rtol=1e-12)
+    speed = values['arm.angular_velocity']
+    for name in ('ram', 'far'):
+        rates = values[f'{name}.leverage'] * speed
+        assert np.allclose(values[f'{name}.length_rate'], rates, rtol=0, atol=1e-12)
+        slope = np.gradient(values[f'{name}.length'], values['time'])[1:-1]
+        assert np.allclose(slope, values[f'{name}.length_rate'][1:-1], rtol=0, atol=2e-5)
+        assert f'{name}.tension' not in values
+
+
+def test_a_cylinder_with_a_spring_has_the_columns_of_the_spring():
+    spring = {'loads.gas.kind': 'spring', 'loads.gas.cylinder': 'ram', 'loads.gas.stiffness': 9.0}
+    given = CARRIED | {'drawing.input': 'arm', 'drive': 'follow'}
+    found, plain = (
+        snapshots(design, design.mechanism.drawn.position, 0.7)[0][0].values
+        for design in (configure(given | spring).only, configure(given).only)
+    )
+    assert found['gas.length'] == plain['ram.length']
+    assert found['gas.leverage'] == plain['ram.leverage']
+    assert found['gas.tension'].value == 9.0 * found['gas.length'].value
+    assert 'ram.length' not in found
 
 
 @pytest.mark.parametrize('command', ['state', 'sketch'])

@@ -53,6 +53,7 @@ class Drawn(NamedTuple):
         block: Name of the link of the loop that is a block in a slot of another; empty if there
             is none, as in the loop of a cylinder.
         units: Unit of lengths in the drawing.
+        cylinders: Cylinders without a load, besides the input, as springs without a force.
         fixed: Names and places, m, of the fixed pins of no link: those of springs and cylinders.
     """
 
@@ -62,6 +63,7 @@ class Drawn(NamedTuple):
     position: float
     block: str = ''
     units: str = 'm'
+    cylinders: tuple[Any, ...] = ()
     fixed: tuple[tuple[str, complex], ...] = ()
 
 

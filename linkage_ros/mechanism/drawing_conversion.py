@@ -27,6 +27,7 @@ from linkage_ros.mechanism.exact import UNITS, Exact, over_root
 from linkage_ros.mechanism.four_bar import FourBar
 from linkage_ros.mechanism.inverted_slider_crank import CYLINDER, InvertedSliderCrank
 from linkage_ros.mechanism.kinematics import Pose
+from linkage_ros.mechanism.loads.spring import Spring
 from linkage_ros.mechanism.parts import (
     CROSSED,
     FRAME_NAME,
@@ -212,8 +213,15 @@ class Conversion:
             'loads': tuple(self.as_solved(load) for load in loads),
             'points': (*self.points(), *(self.as_solved(point) for point in points)),
             'gravity': gravity,
+            'drawn': cast('Drawn', mechanism.drawn)._replace(cylinders=self.cylinders(loads)),
         }
         return cast('Mechanism', replace(cast('Any', mechanism), **changes))
+
+    def cylinders(self, loads: Sequence[Any]) -> tuple[Spring, ...]:
+        """Returns the cylinders without a load, besides the input, as springs without a force."""
+        others = {self.drawing.input, *(getattr(load, 'cylinder', '') for load in loads)}
+        names = [x.name for x in self.drawing.cylinders if x.name not in others]
+        return tuple(self.as_solved(Spring(name=name, cylinder=name)) for name in names)
 
     # ------------------------------------------------------------ the loop
 

@@ -571,17 +571,25 @@ class Solver:
             raise ConfigurationError(f'point {shown(name)}: must be one of {", ".join(points)}')
         return self._point_motion(points[name], state)
 
+    @property
+    def springs(self) -> dict[str, Spring]:
+        """Loads of kind spring, and cylinders of a drawing without a load, by name."""
+        found = [load for load in self.mechanism.loads if isinstance(load, Spring)]
+        drawn = self.mechanism.drawn
+        return {one.name: one for one in (*(drawn.cylinders if drawn else ()), *found)}
+
     def spring(self, state: State, name: str) -> SpringMotion:
-        """Computes length, rate and tension of a load of kind spring.
+        """Computes length, rate and tension of a load of kind spring, or of a cylinder.
 
         Args:
             state: A state of floats or arrays, from `state`.
-            name: Name of the load.
+            name: Name of the load, or of a cylinder of a drawing without a load, whose tension
+                is 0.
 
         Raises:
             ConfigurationError: The mechanism has no such spring.
         """
-        springs = {load.name: load for load in self.mechanism.loads if isinstance(load, Spring)}
+        springs = self.springs
         if name not in springs:
             known = ', '.join(springs) or 'none'
             raise ConfigurationError(f'spring {shown(name)}: must be one of {known}')

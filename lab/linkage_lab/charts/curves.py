@@ -152,11 +152,13 @@ def _load_panels(period: Period) -> Iterator[Panel]:
     springs = period.springs if period.solver.mobility else []
     for spring in springs:
         for word in ('length', 'leverage', 'tension'):
+            if f'{spring}.{word}' not in period.columns:
+                continue
             curve = replace(_curve(period, f'{spring}.{word}'), name=spring)
             yield Panel(f'{word.capitalize()} of {spring}', [curve])
     for column in period.columns:
         load, ending, _ = column.partition('.force.x')
-        if ending and load not in springs:
+        if ending and (load not in springs or load in period.cylinders):
             yield _vector_panel(period, f'Force {load}', f'{load}.force', BLACK)
 
 

@@ -223,6 +223,7 @@ def _snapshot(
         torque = drive.motor.torque - drive.motor.damping * speed
         a = frictionless.accelerations(q, u, torque)
     values = _motion_values(solver, frictionless.state(q, u, a))
+    values |= _spring_values(solver, frictionless, (q, u, a))
     missing = dict[str, str]()
     try:
         values |= _driving(solver, (q, u, a))
@@ -246,6 +247,25 @@ def _motion_values(solver: Solver, state: State) -> dict[str, Value]:
     for point in solver.structure.points:
         for (name, unit), vector in zip(SLIDING, solver.point(state, point), strict=True):
             values |= _vector_values(f'{point}.{name}', unit, vector)
+    return values
+
+
+def _spring_values(
+    solver: Solver, frictionless: Solver, motion: tuple[Any, ...]
+) -> dict[str, Value]:
+    """Returns length, rate, leverage and tension of springs and cylinders, by name."""
+    values, loads = dict[str, Value](), {load.name for load in solver.mechanism.loads}
+    place, *_ = motion
+    for name in solver.springs:
+        length, rate, tension = solver.spring(frictionless.state(*motion), name)
+        values[f'{name}.length'] = Value('m', float(length))
+        values[f'{name}.length_rate'] = Value('m/s', float(rate))
+        if len(place) == 1:
+            unit = f'm/{solver.structure.driven_link.units.position}'
+            leverage = solver.spring(frictionless.state(place, 1.0), name).rate
+            values[f'{name}.leverage'] = Value(unit, float(leverage))
+        if name in loads:
+            values[f'{name}.tension'] = Value('N', float(tension))
     return values
 
 
