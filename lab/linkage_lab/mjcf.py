@@ -73,15 +73,16 @@ def about_zeros(mechanism: Mechanism, start: State) -> list[str]:
 def _small_values(mechanism: Any) -> tuple[dict[str, object], list[str]]:
     """Returns the masses and inertias that replace 0, by parameter name, and their links."""
     link_of = {group: link for link, group in mechanism.part_groups().items()}
-    bodies = {link.joint.name: link for link in rigid_links(mechanism)}
-    guided = {link.name for link in mechanism.structure().links if link.is_guided}
+    # The joint of a link has its name.
+    body_of = {body.joint.name: body for body in rigid_links(mechanism)}
+    without_rotation = {link.name for link in mechanism.structure().links if link.is_guided}
     small, links = dict[str, object](), list[str]()
     for name, value in flatten(mechanism).items():
         group, _, word = name.rpartition('.')
         link = link_of.get(group, '')
-        has_term = word == 'mass' or (word == 'inertia' and link not in guided)
-        if has_term and value == 0.0:
-            small[name] = getattr(bodies[link], word)
+        must_be_positive = word == 'mass' or (word == 'inertia' and link not in without_rotation)
+        if must_be_positive and value == 0.0:
+            small[name] = getattr(body_of[link], word)
             links.append(link)
     return small, list(dict.fromkeys(links))
 

@@ -191,8 +191,8 @@ class ExpectedStates(ABC):
         """
         return stamps
 
-    def held(self) -> dict[str, float]:
-        """Returns the efforts of linkages that the next states do not hold, by linkage."""
+    def efforts_of_others(self) -> dict[str, float]:
+        """Returns the efforts of the linkages that are not in the next states, by linkage."""
         return {}
 
     def has_ended(self, linkage: str, stamp: int) -> bool:  # noqa: ARG002, most cannot tell
@@ -454,7 +454,7 @@ class MeasuredStates(ExpectedStates):
         """Returns False, because later states depend on all measurements; see `ExpectedStates`."""
         return False
 
-    def held(self) -> dict[str, float]:
+    def efforts_of_others(self) -> dict[str, float]:
         """Returns the last efforts, except those that end; see `ExpectedStates`."""
         return {**self._efforts.values, **dict.fromkeys(self._next[0].ended, 0.0)}
 

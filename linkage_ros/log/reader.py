@@ -146,8 +146,8 @@ class LogReader:
             LogError: The file is not a complete log of linkage_ros. The message states the reason.
         """
         self.path = Path(path)
-        # Channel and log time, ns, of messages on a topic of states that are not part of a state.
-        self._zeros = set[tuple[int, int]]()
+        # Channel and log time, ns, of efforts of 0 that are not part of a state.
+        self._effort_zeros = set[tuple[int, int]]()
         with mcap_file(self.path, _remedy) as file:
             self._read_summary(file)
 
@@ -261,8 +261,9 @@ class LogReader:
             raise LogError(
                 f'its topics have no roles: version {self.version} wrote it; read it with that one'
             )
+        # The effort of 0 that ends a torque is logged alone; it is not part of a state.
         if efforts := self.channel(EFFORT_COMMANDS):
-            self._zeros = {(efforts.number, end.stamp) for end in self.torque_ends}
+            self._effort_zeros = {(efforts.number, end.stamp) for end in self.torque_ends}
         self._names = {topic.number: topic.name for topic in self.topics}
 
     def channel(self, topic: Topic) -> LoggedTopic | None:
@@ -372,7 +373,7 @@ class LogReader:
                         at = end
                         continue
                     message = self._message(data, start, end)
-                    is_zero = (message.channel, message.time) in self._zeros
+                    is_zero = (message.channel, message.time) in self._effort_zeros
                     is_of_state = message.channel in channels and not is_zero
                     next_layout = layouts.at(data, at) if is_of_state else None
                     if next_layout and next_layout.count(data, at):

@@ -379,7 +379,7 @@ class Verification:
         }
         # The log times of a live run cannot be recomputed; those of a record are the stamps.
         times = stamps if expected.is_record else layout.column(rows.data, layout.times)
-        columns = self._robot.row(parts, expected.held())
+        columns = self._robot.row(parts, expected.efforts_of_others())
         return parts, layout.rows(times, stamps, columns)
 
 

@@ -189,9 +189,11 @@ class Outputs:
         Args:
             join: Waits for a thread, with a time limit.
         """
-        # The sync is closed last, after all data are written.
-        workers = [self._workers[name] for name in ('log', 'sync') if name in self._workers]
-        closed = all(worker.close(_LOG_CLOSE_SECONDS, join) for worker in workers)
+        closed = True
+        if 'log' in self._workers:
+            closed = self._workers['log'].close(_LOG_CLOSE_SECONDS, join)
+            # The sync is closed after all data are written, and left if the disk hangs.
+            closed = closed and self._workers['sync'].close(_LOG_CLOSE_SECONDS, join)
         if not closed:
             words = 'the disk hangs: the log is incomplete; linkage_log recover saves its contents'
             cli.print_error(self._node.get_name(), words)

@@ -27,11 +27,11 @@ def help_on(parameters: Iterable[Leaf]) -> str:
     Returns:
         The lines, joined by newlines.
     """
-    return '\n'.join(
-        f'  {name}: {f"{quantity.valid}; ".removeprefix("text; ")}{quantity.meaning}'
-        f'{_default(default)}'
-        for name, quantity, default in parameters
-    )
+    lines = []
+    for name, quantity, default in parameters:
+        valid = '' if quantity.valid == 'text' else f'{quantity.valid}; '
+        lines.append(f'  {name}: {valid}{quantity.meaning}{_default(default)}')
+    return '\n'.join(lines)
 
 
 def _default(value: object) -> str:

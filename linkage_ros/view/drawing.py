@@ -107,6 +107,8 @@ class Drawing:
             can reach, shape (2, 2), m.
     """
 
+    ARROW_TIP = -2  # point of an arrow
+
     def __init__(
         self, mechanism: Mechanism, crank_angle: float = 0.0, *, units: str = 'm'
     ) -> None:
@@ -449,7 +451,8 @@ class Drawing:
             rates: Rates of the links, rad/s and m/s.
 
         Returns:
-            Lines of shape (n, k, 2), m, by the name of the arrow.
+            Lines of shape (n, k, 2), m, by the name of the arrow. The first point is the tail;
+            the last three are the head: one side, the tip (ARROW_TIP), the other side.
         """
         if not self.loaded:
             return {}
@@ -543,7 +546,7 @@ def free_ends(arrows: Array, pins: Array) -> Array:
     Returns:
         The ends, shape (n, 2), m.
     """
-    ends = arrows[:, [0, -2]]
+    ends = arrows[:, [0, Drawing.ARROW_TIP]]
     far = np.linalg.norm(ends[:, :, np.newaxis] - pins[:, np.newaxis], axis=-1).min(axis=-1)
     return np.asarray(ends[np.arange(len(ends)), far.argmax(axis=1)])
 

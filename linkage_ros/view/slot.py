@@ -54,15 +54,21 @@ class Slot:
         return f'{self._name} {pin}', at[side[0]] + share.real * (at[side[-1]] - at[side[0]])
 
     def _add(self, port: str, place: complex) -> None:
-        """Adds a place on a side, m, to the corners."""
+        """Adds a port at a place, m, on the outline: to the places, the corners and its side."""
         at = self._at
-        side = min(self._sides, key=lambda x: abs(place - at[x[0]]) + abs(place - at[x[-1]]))
-        start, end = (self._corners[x] for x in (side[0], side[-1]))
-        share = abs(place - at[side[0]]) / abs(at[side[-1]] - at[side[0]])
+
+        def detour(side: list[str]) -> float:
+            """Returns the way from end to end of a side via the place, shortest on its own."""
+            return abs(place - at[side[0]]) + abs(place - at[side[-1]])
+
+        side = min(self._sides, key=detour)
+        first, last = side[0], side[-1]
+        share = abs(place - at[first]) / abs(at[last] - at[first])
+        start, end = self._corners[first], self._corners[last]
         self._corners[port] = start._replace(arm=start.arm + share * (end.arm - start.arm))
         at[port] = place
-        first = at[side[0]]
-        side[:] = sorted([*side, port], key=lambda x: abs(at[x] - first))
+        side.append(port)
+        side.sort(key=lambda corner: abs(at[corner] - at[first]))
 
     def distance(self, pin: str) -> float:
         """Returns the distance of a pin from the outline, m."""

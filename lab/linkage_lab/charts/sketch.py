@@ -571,11 +571,12 @@ def _draw_loads(axes: Axes, sketched: Sketched) -> _Drawn:
             continue  # no load here
         # It is above the links and the guide, along which it may point, and below the pins.
         axes.plot(*arrow.T, color=fractions(BLACK), linewidth=2.0, zorder=2.5)
-        tail, tip = complex(*arrow[0]), complex(*arrow[-2])
+        tail, tip = complex(*arrow[0]), complex(*arrow[Drawing.ARROW_TIP])
+        away = tail - tip if tail != tip else 1j
         load, on_link, _ = name.partition(' on ')
         word = load if on_link else f'on {name}'
         drawn.lines.append(arrow)
-        drawn.labels.append(_Label(f'{word} {values[name][0]}', tail, tail - tip or 1j, BLACK))
+        drawn.labels.append(_Label(f'{word} {values[name][0]}', tail, away, BLACK))
     return drawn
 
 
