@@ -729,6 +729,17 @@ def test_an_input_between_moving_links_is_refused():
         configure(given)
 
 
+def test_a_cylinder_that_moves_a_floating_link_is_refused_with_the_links_to_drive():
+    drive = {'drive': 'motion', 'motion.center': 0.1, 'motion.amplitude': 0.01}
+    given = values(input='gas', slides={}, links=without(LINKS, 'conrod'), pins=without(PINS, 'S'))
+    given = {name: value for name, value in given.items() if name != 'rpm'} | drive
+    with pytest.raises(ConfigurationError, match=r'coupler, which it moves, has no fixed .* drive '
+                       r'crank or rocker by a law instead: .* force of gas is'):  # fmt: skip
+        configure(given)
+    law = {'motion.center': 1.78, 'motion.frequency': 1.0}
+    configure(given | law | {'drawing.input': 'rocker'})
+
+
 def test_a_link_between_two_slides_of_the_frame_is_refused():
     drawing = Drawing(
         input='across', frame=['O'], pins={'O': (0, 0), 'A': (2, 0), 'B': (0, 1)},

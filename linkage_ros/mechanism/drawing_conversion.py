@@ -749,12 +749,31 @@ class Conversion:
                 f'{what}: both of its ends are on moving links; what drives must be held by a '
                 'fixed pin, so add one of its pins to drawing.frame, or choose another input'
             )
-        return self.two_slides(driven) or self.wrong_neighbour(driven) or (
+        floating = self.cylinder_on_floating_link()
+        return floating or self.two_slides(driven) or self.wrong_neighbour(driven) or (
             f'{what}: it is in no loop of four links, or of three and a slide, that returns to '
             f'the frame at another pin, so that its motion does not follow link by link; '
             f'compare drawing.frame and the pins of {listed(self.bodies)}, or drive another '
             f'link; {self.freedom()}'
         )  # fmt: skip
+
+    def cylinder_on_floating_link(self) -> str:
+        """Explains that the input is a cylinder at a link without a fixed pin; '' if not."""
+        name = self.drawing.input
+        if all(cylinder.name != name for cylinder in self.drawing.cylinders):
+            return ''
+        own = f'{name}_barrel', f'{name}_rod'
+        bodies = [body for body in self.bodies.values() if body.name not in own]
+        moved = [x.name for x in bodies for end in own if {*x.pins} & {*self.bodies[end].pins}]
+        held = [body.name for body in bodies if not body.on and len(self.pivots(body)) == 1]
+        if not moved or not held or {*moved} & {*held}:
+            return ''
+        return (
+            f'drawing.input = {shown(name)}: {moved[0]}, which it moves, has no fixed pin, so '
+            'that the motion does not follow link by link; drive '
+            f'{" or ".join(held)} by a law instead: '
+            f'without friction, the force of {name} is driving_torque / its leverage'
+        )
 
     def two_slides(self, driven: _Body) -> str:
         """Explains that a link joins the driven slide to another slide on the frame; or ''."""
