@@ -75,6 +75,18 @@ LIMITED = {
     'drawing.links.rod.pins': ['A', 'B'],
     'drawing.links.out.pins': ['B', 'Q'],
 }  # fmt: skip
+# Two of its fixed pins are near to each other.
+TIPPER = {
+    'mechanism': 'drawing', 'drive': 'motion', 'motion.center': '153deg',
+    'motion.amplitude': '22deg', 'motion.frequency': 0.02, 'drawing.input': 'body',
+    'drawing.frame': ['H', 'D', 'G'], 'drawing.pins.H': [0.0, 0.0],
+    'drawing.pins.D': [-1.0, -0.35], 'drawing.pins.G': [-0.9, -0.2],
+    'drawing.pins.A': [-2.2, 0.15], 'drawing.pins.B': [-2.75, 0.05],
+    'drawing.pins.C': [-2.9, -0.25], 'drawing.pins.front': [-4.2, 0.2],
+    'drawing.links.body.pins': ['H', 'A', 'front'], 'drawing.links.triangle.pins': ['A', 'B', 'C'],
+    'drawing.links.tie.pins': ['C', 'D'], 'drawing.cylinders.hoist.from': 'G',
+    'drawing.cylinders.hoist.to': 'B',
+}  # fmt: skip
 LAW = {'drive': 'motion', 'motion.center': '417deg', 'motion.amplitude': 0.1,
        'motion.frequency': 1.0}  # fmt: skip
 
@@ -170,6 +182,24 @@ def test_centre_of_mass_is_marked_where_the_words_have_it(at):
     assert f'mass 2 kg at {sketched.at(complex(*mark))}' in words
     if at is None:
         assert mark == pytest.approx((0.05, 0.095))  # as drawn, from O
+
+
+@pytest.mark.parametrize('source', [*preset_names(), JANSEN, GAS, SPRING, KLANN, TIPPER])
+@pytest.mark.parametrize('size', [(10.0, 7.0), (4.0, 3.3)])
+def test_each_pins_name_is_nearest_to_its_pin(source, size):
+    axes = Figure(figsize=size, dpi=140).add_axes((0.02, 0.02, 0.96, 0.96))
+    sketched = sketch_of(design_of(source).only)
+    draw_sketch(axes, sketched, with_dimensions=False, with_centers=False)
+    drawing = sketched.drawing
+    names = dict(zip(drawing.pins, drawing.place(sketched.positions)[0], strict=True))
+    names |= zip(drawing.pivot_names, drawing.pivots, strict=True)
+    names.pop(drawing.unnamed, None)
+    places = axes.transData.transform([*names.values()])
+    texts = {text.get_text(): text for text in axes.texts}
+    for name, own in zip(names, places, strict=True):
+        low, high = texts[name].get_window_extent().get_points()
+        apart = np.linalg.norm(np.clip(places, low, high) - places, axis=1)
+        assert math.dist(np.clip(own, low, high), own) <= apart.min() + 2.0, name
 
 
 def test_lengths_of_jansens_leg_are_the_published_ones():

@@ -19,6 +19,8 @@ from linkage_ros.palette import DARK, GREY, Color, fractions
 # Margin around the drawing, relative to its size; and at least, for names, inches.
 _MARGIN, _NAMES = 0.08, 0.4
 _AS_FAR = 8.0  # a distance as bad as covering a point of a line, points
+_MOVED = 0.5  # a moved anchor is as bad as covering this many points of a line
+_AS_NEAR = 0.5  # a name this much farther from its part than from another is as near, points
 _STEP = 4.0  # between the points of lines that names should not cover, points
 WIDE = 2.2  # a drawing with this ratio of width to height is above text or diagrams
 # A name's distances from its pin, points, and its directions relative to the preferred one, deg;
@@ -90,7 +92,9 @@ class LinkagePicture:
         self.moving = [*self._links.values(), self._pins, *self._names]
         self._points_per_pixel = 72 / axes.figure.dpi
         boxes = [text.get_window_extent().get_points() for text in (scale_text, *self._names)]
-        self._scale_box, *corners = self._points_per_pixel * np.array(boxes)
+        scale_text_box, *corners = self._points_per_pixel * np.array(boxes)
+        scale = self.to_points(drawing.scale + self._scale_shift)
+        self._scale_boxes = [scale_text_box, [scale.min(axis=0), scale.max(axis=0)]]
         self._sizes = np.ptp(corners, axis=1)
         self.move(shown[0])
 
@@ -110,7 +114,8 @@ class LinkagePicture:
         drawing = self._drawing
         low, high = self._axes.dataLim.get_points()
         below = 0.0, 0.06 * (high - low).max()
-        scale = drawing.scale - drawing.scale.min(axis=0) + low - below
+        self._scale_shift = low - below - drawing.scale.min(axis=0)
+        scale = drawing.scale + self._scale_shift
         self._plot(scale, GREY, linewidth=0.9)
         return self._axes.annotate(
             drawing.scale_label, tuple(scale[2]), xytext=(5, 0), **NAME_STYLE
@@ -138,7 +143,7 @@ class LinkagePicture:
         preferred = np.array([*self._asides, *(drawing.labels(moving)[0] - moving[0])])
         anchors = self.to_points(pins)
         pin_boxes = [[anchor - _PIN, anchor + _PIN] for anchor in anchors]
-        self._occupied = np.array([self._scale_box, *pin_boxes])
+        self._occupied = np.array([*self._scale_boxes, *pin_boxes])
         places = self.free_places(anchors, preferred, self._sizes, self._others)
         for name, pin, place in zip(self._names, pins, places, strict=True):
             name.xy = tuple(pin)
@@ -155,11 +160,13 @@ class LinkagePicture:
         sizes: Array,
         lines: Sequence[Array] = (),
         distances: Sequence[float] = _DISTANCES,
+        parts: Sequence[Array | None] = (),
+        shifts: Array | None = None,
     ) -> list[Array]:
         """Finds places for names one after another.
 
-        The page should not cut them off; they should cover no earlier name or pin, be within the
-        axes, and be near and cover few lines, in this order.
+        The page should not cut them off; they should cover no earlier name or pin, be nearest to
+        what they belong to, be within the axes, and be near and cover few lines, in this order.
 
         Args:
             anchors: Positions of what the names belong to, points, shape (n, 2).
@@ -167,6 +174,10 @@ class LinkagePicture:
             sizes: Widths and heights of the names, points, of the same shape.
             lines: Lines that names should not cover, m, shapes (k, 2).
             distances: Distances of a name that are tried in turn, points.
+            parts: What the names belong to, lines of shapes (k, 2), m; None for a name that may be
+                near to others. Empty for the anchors.
+            shifts: A vector for each name, points, shape (n, 2), by which its anchor may be moved
+                forwards and backwards; None for anchors that stay.
 
         Returns:
             Positions of the names relative to the anchors, points.
@@ -175,16 +186,30 @@ class LinkagePicture:
         page = self._points_per_pixel * figure.bbox.get_points()
         inside = position.transformed(figure.transFigure).get_points() * self._points_per_pixel
         points = np.concatenate([np.empty((0, 2)), *(_dense(self.to_points(x)) for x in lines)])
+        owned = {i: anchor[np.newaxis] for i, anchor in enumerate(anchors)}
+        if parts:
+            own_lines = {i: part for i, part in enumerate(parts) if part is not None}
+            owned = {i: _dense(self.to_points(part)) for i, part in own_lines.items()}
+        moves = np.zeros((len(anchors), 1, 2))
+        if shifts is not None:
+            moves = np.array([[0.0], [1.0], [-1.0]]) * shifts[:, np.newaxis]
         distance_costs = np.repeat(distances, len(_TURNS)) / _AS_FAR
+        costs_of_moves = np.where(np.arange(moves.shape[1]) > 0, _MOVED, 0.0)
+        distance_costs = np.add.outer(costs_of_moves, distance_costs).ravel()
         chosen = []
-        for anchor, direction, size in zip(anchors, preferred, sizes, strict=True):
-            places, half = _places(direction, distances), 0.5 * size + 1.0
+        for i, (anchor, direction, size) in enumerate(zip(anchors, preferred, sizes, strict=True)):
+            around, half = _places(direction, distances), 0.5 * size + 1.0
+            places = (moves[i][:, np.newaxis] + around).reshape(-1, 2)
             low, high = anchor + places - half, anchor + places + half  # corners of the name
             covered_boxes = _count_overlaps(low, high, self._occupied[:, 0], self._occupied[:, 1])
             covered_points = _count_overlaps(low, high, points, points)
             is_cut, is_outside = _exceeds(low, high, page), _exceeds(low, high, inside)
+            apart = {k: _apart(low, high, part) for k, part in owned.items()}
+            is_astray = np.zeros(len(low), dtype=bool)
+            if i in apart:
+                is_astray = apart[i] > np.min([*apart.values()], axis=0) + _AS_NEAR
             # The last key of `lexsort` is the first criterion.
-            costs = covered_points + distance_costs, is_outside, covered_boxes, is_cut
+            costs = covered_points + distance_costs, is_outside, is_astray, covered_boxes, is_cut
             best = np.lexsort(costs)[0]  # the first of the best ones
             self._occupied = np.concatenate([self._occupied, [[low[best], high[best]]]])
             chosen.append(places[best])
@@ -206,6 +231,12 @@ def _count_overlaps(low: Array, high: Array, others_low: Array, others_high: Arr
     """
     overlaps = (low[:, None] < others_high) & (others_low < high[:, None])
     return overlaps.all(axis=2).sum(axis=1)
+
+
+def _apart(low: Array, high: Array, points: Array) -> Any:
+    """Returns the distance of each box from the nearest of m points, shape (n,)."""
+    gaps = np.maximum(low[:, None] - points, points - high[:, None])
+    return np.linalg.norm(np.maximum(gaps, 0.0), axis=2).min(axis=1)
 
 
 def _exceeds(low: Array, high: Array, area: Array) -> Any:

@@ -63,6 +63,7 @@ _MARKS = 4.0  # length of the arrow of a slide's direction, in marks of the draw
 # to the length of the bar.
 _SHARES, _ROOM_OF_DIMENSION, _ON_BAR = (0.35, 0.5, 0.65, 0.2, 0.8), 0.06, 0.01
 _SHARES_OF_ARROW = 0.5, 0.35, 0.65, 0.2, 0.8  # places of a link's arrow, the preferred first
+_SHIFT = 0.2  # of the name of a link or spring along it, relative to its length
 _AT_PIN = 0.03  # distance of marks that cover a pin, relative to the size of the drawing
 # Two quarters of a disk: with a circle, the sign of a centre of mass.
 _QUARTERS = Path.make_compound_path(Path.wedge(0, 90), Path.wedge(180, 270))
@@ -495,6 +496,8 @@ class _Label(NamedTuple):
         color: Colour of the text.
         bold: Whether the label names a link.
         is_optional: Whether it is left out if there is no room near its place.
+        shift: Vector by which `at` may be moved forwards and backwards along the part, m.
+        part: The part if the label should be nearest to it, a line of shape (k, 2), m.
     """
 
     text: str
@@ -503,6 +506,8 @@ class _Label(NamedTuple):
     color: Color
     bold: bool = False
     is_optional: bool = False
+    shift: complex = 0j
+    part: Array | None = None
 
 
 class _Drawn(NamedTuple):
@@ -558,7 +563,8 @@ def _draw_springs(axes: Axes, sketched: Sketched) -> _Drawn:
         line = np.array([[start.real, start.imag], [end.real, end.imag]])
         axes.plot(*line.T, **SPRING_STYLE)
         drawn.lines.append(line)
-        drawn.labels.append(_Label(name, 0.5 * (start + end), 1j * (end - start), DARK))
+        middle, way = 0.5 * (start + end), end - start
+        drawn.labels.append(_Label(name, middle, 1j * way, DARK, shift=_SHIFT * way, part=line))
     return drawn
 
 
@@ -631,9 +637,9 @@ def _name(axes: Axes, sketched: Sketched, j: int, line: Array, middle: complex) 
     color = sketched.drawing.colors[link.name]
     direction = cmath.rect(1.0, sketched.direction(j))
     if link.slides:
-        at = sketched.pin_of(j)
+        at, shift, part = sketched.pin_of(j), 0j, None
     else:
-        at = _place_of_arrow(sketched, line, direction)
+        (at, shift), part = _place_of_arrow(sketched, j, line, direction), line
         before = at - 1e-6 * float(np.ptp(line)) * direction
         axes.annotate(
             '', (at.real, at.imag), (before.real, before.imag),
@@ -641,11 +647,17 @@ def _name(axes: Axes, sketched: Sketched, j: int, line: Array, middle: complex) 
         )  # fmt: skip
     side = 1j * direction
     is_inward = (side * (at - middle).conjugate()).real < 0
-    return _Label(link.name, at, -side if is_inward else side, color, bold=True)
+    way = -side if is_inward else side
+    return _Label(link.name, at, way, color, bold=True, shift=shift, part=part)
 
 
-def _place_of_arrow(sketched: Sketched, line: Array, direction: complex) -> complex:
-    """Returns the place on a link, m, at which an arrow is on a line and covers no pin."""
+def _place_of_arrow(
+    sketched: Sketched, j: int, line: Array, direction: complex
+) -> tuple[complex, complex]:
+    """Returns the place on a link, m, at which an arrow is on a line and covers no pin.
+
+    The second complex number is a vector by which a name there may be moved along the line.
+    """
     sides = [(start, end) for start, end in itertools.pairwise(line @ (1, 1j)) if start != end]
     parallel = [
         (start, end)
@@ -655,7 +667,9 @@ def _place_of_arrow(sketched: Sketched, line: Array, direction: complex) -> comp
     start, end = max(parallel or sides, key=lambda side: abs(side[1] - side[0]))
     places = [complex(start + share * (end - start)) for share in _SHARES_OF_ARROW]
     pins, near = _pins(sketched)
-    return places[int(np.argmax([min(abs(pins - place).min(), near) for place in places]))]
+    marks = np.append(pins, _center(sketched, j))
+    rooms = [min(abs(marks - place).min(), near) for place in places]
+    return places[int(np.argmax(rooms))], _SHIFT * complex(end - start)
 
 
 def _pins(sketched: Sketched) -> tuple[Any, float]:
@@ -775,7 +789,11 @@ def _write(axes: Axes, picture: LinkagePicture, labels: list[_Label], lines: lis
     sizes = 72 / axes.figure.dpi * np.ptp(boxes, axis=1)
     anchors = picture.to_points(np.array([[x.at.real, x.at.imag] for x in labels]))
     preferred = np.array([[x.direction.real, x.direction.imag] for x in labels])
-    places = picture.free_places(anchors, preferred, sizes, lines, _DISTANCES)
+    moved = np.array([[(x.at + x.shift).real, (x.at + x.shift).imag] for x in labels])
+    places = picture.free_places(
+        anchors, preferred, sizes, lines, _DISTANCES,
+        [label.part for label in labels], picture.to_points(moved) - anchors,
+    )  # fmt: skip
     for label, text, size, place in zip(labels, texts, sizes, places, strict=True):
         text.set_position(tuple(place.tolist()))
         if label.is_optional and (abs(place) - 0.5 * size).max() > _NEAR_BAR:
