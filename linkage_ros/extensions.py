@@ -3,7 +3,8 @@
 """Names for custom mechanisms, loads and formulas, in addition to those of `linkage_ros`.
 
 Public: other packages may import this module, and also `formulas`, `quantities`, `cli`, `palette`
-and `executables`. All further modules may change in any release.
+and `executables`, and `LinkageNode` of `node.linkage_node`. All further modules may change in any
+release.
 """
 
 from linkage_ros.mechanism.dyads import dyads_field

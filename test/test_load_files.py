@@ -225,12 +225,12 @@ def parsed(line):
 
 
 @pytest.mark.parametrize('line', LINES, ids=range(len(LINES)))
-def test_wrong_load_is_refused_in_one_line(tmp_path, line):
+def test_wrong_load_is_refused_in_a_line_for_each_mistake(tmp_path, line):
     mechanism, loads, words = parsed(line)
     with pytest.raises(LinkageError) as caught:
         configured(tmp_path, mechanism, loads)
     found = str(caught.value)
-    assert found.isprintable()
+    assert all(part.isprintable() for part in found.splitlines())
     assert 'loads.x' in found or 'friction' in words
     assert [x for x in words if x not in found] == [], found
 
