@@ -153,7 +153,7 @@ QUADRILATERAL = ['--params-file', preset_path('quadrilateral')]
 BAD = [
     (['-p', 'rpm:=fast'], r"rpm = 'fast': must be a number from -1e\+06 to 1e\+06 rpm"),
     (['-p', 'rpm:=.nan'], 'rpm = nan: must be'),
-    (['-p', 'crank.lenght:=1.0'], 'crank has length, mass'),
+    (['-p', 'crank.lenght:=1.0'], 'did you mean crank.length'),
     (['-p', 'crank.length:=0.3'], 'cannot turn fully: .* it reaches'),
     (['-p', 'mechanism:=four_bar'], 'frame.length is missing'),
     (['-p', 'gravity:=[0, -9.81]'], 'same type'),

@@ -494,6 +494,14 @@ def _with_known_names(
         ConfigurationError: Other mistakes would be consequences.
     """
     known = {*names}
+    allowed, _ = MECHANISMS[kind.mechanism].drives(given)
+    if (
+        allowed and kind.drive not in allowed
+    ):  # the drive is refused: others' parameters may be right
+        given = {
+            name: value for name, value in given.items()
+            if name in known or not _others(name.partition('.')[0], DRIVES, kind.drive)
+        }  # fmt: skip
     unknown = [parameter for parameter in given if parameter not in known]
     if not unknown:
         return given
