@@ -10,7 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 from test_sketch import JANSEN
 
-from linkage_lab.charts.curves import Curve, Panel, panels
+from linkage_lab.charts.curves import Curve, Panel, only_in_table, panels
 from linkage_lab.command_line import QUANTITIES
 from linkage_lab.output import dash, round_ticks, spread
 from linkage_lab.period import period_to_show, speed_driven_period
@@ -97,3 +97,13 @@ def test_ticks_are_round(low, high, unit, expected):
     round_ticks(axes.xaxis, unit, 5)
     ticks = [round(x, 9) for x in axes.get_xticks() if low <= x <= high]
     assert ticks == expected
+
+
+@pytest.mark.parametrize('mass', [0.0, 1.0])
+def test_torque_and_power_are_left_out_if_nothing_needs_them(mass):
+    rod = {'drawing.links.c.mass': mass, 'drawing.links.c.center': [-20.0, -40.0]}
+    given = {name: value for name, value in JANSEN.items() if not name.startswith('loads')}
+    period = period_of(given | (rod if mass else {}))
+    shown = {panel.heading.partition(',')[0] for panel in panels(period, QUANTITIES)}
+    assert ('Driving torque' in shown) == bool(mass)
+    assert [panel.title for panel in only_in_table(period)] == ['Driving power'] * bool(mass)

@@ -15,6 +15,7 @@ from ros_harness import wait_for
 from test_sketch import SPRING
 
 from linkage_lab import command_line
+from linkage_lab.charts.movie import _DPI, _layout
 from linkage_ros import Solver
 from linkage_ros.settings.configuration import load
 from linkage_ros.settings.presets import preset_names
@@ -167,3 +168,13 @@ def test_springs_and_their_pins_are_drawn(tmp_path, called):
     points = sum(map(int, re.findall(r'data-points="(\d+)"', text)))
     data = json.loads(re.search(r'const data = (.*);', text)[1])
     assert len(base64.b64decode(data['places'])) == 4 * points * len(data['time'])
+
+
+@pytest.mark.parametrize('ratio', [0.3, 1.0, 1.5, 2.1, 4.0, 30.0])
+def test_film_has_even_pixels_and_room_for_the_linkage(ratio):
+    size, *places = _layout(ratio)
+    rows = size[1] * _DPI
+    assert rows == pytest.approx(2 * round(rows / 2))
+    (left, bottom, width, height), (x, y, wide, high) = places
+    assert y + high < bottom or left + width < x
+    assert max(left + width, bottom + height, x + wide, y + high) < 1.0

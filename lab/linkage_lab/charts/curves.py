@@ -115,7 +115,8 @@ def only_in_table(period: Period) -> list[Panel]:
         Panel(f'Rate of {name}', [replace(_curve(period, f'{name}.length_rate'), name=name)])
         for name in period.springs
     ]
-    found.append(Panel('Driving power', [_curve(period, 'driving_power')]))
+    if period.columns['driving_power'].values.any():
+        found.append(Panel('Driving power', [_curve(period, 'driving_power')]))
     return [panel.without_noise() for panel in found]
 
 
@@ -139,6 +140,8 @@ def compared(periods: Mapping[str, Period], show: Collection[str]) -> list[Panel
 
 def _effort_panels(period: Period) -> Iterator[Panel]:
     """Yields the diagram of the driving torque or force, in the colour of the driven link."""
+    if not period.columns[period.effort].values.any():
+        return  # a note says so
     curve = _of_link(period, period.effort, period.driven.name)
     word = period.effort.removeprefix('driving_')
     yield Panel(period.effort_name, [replace(curve, name=word, dash=0)])

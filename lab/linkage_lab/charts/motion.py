@@ -101,10 +101,12 @@ def _save_table(period: Period, options: argparse.Namespace, path: Path) -> None
 def _remarks(design: Any, period: Period, title: Sequence[str]) -> list[str]:
     """Returns the description of one mechanism on its sheet."""
     kind, (_, about, *further) = design.mechanism_words, title
+    power = f'mean power {rounded(_mean_power(period))} W'
+    has_power = period.columns['driving_power'].values.any()  # a note says if it has not
     return [
         about if about.startswith(kind) else f'{kind}, {about}',  # if the file's name is the kind
         *further,
-        f'mean power {rounded(_mean_power(period))} W',
+        *([power] if has_power else ()),
         f'shown at {_place(period)}',
     ]
 

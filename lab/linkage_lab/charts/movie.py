@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from PIL import Image
 
-from linkage_lab.charts.linkage_picture import NAME_STYLE, WIDE, LinkagePicture, proportion
+from linkage_lab.charts.linkage_picture import NAME_STYLE, LinkagePicture, proportion
 from linkage_lab.charts.sketch import SPRING_STYLE, spring_lines
 from linkage_lab.movie_page import movie_page
 from linkage_lab.output import (
@@ -37,11 +37,13 @@ from linkage_ros.palette import DARK, fractions
 
 _SECONDS = 3.0  # duration of a crank turn in the movie
 _RATE = 20  # frames per second
-# Inches, of a film with linkage and torque side by side, and one below the other; pixels per inch.
-_SIZE, _HIGH, _DPI = (8.0, 4.2), (8.0, 5.4), 90
-# The axes of linkage and torque in both: left, bottom, width and height as shares of the film.
+# Inches, of a film with linkage and torque side by side; pixels per inch. The axes of both: left,
+# bottom, width and height as shares of the film.
+_SIZE, _DPI = (8.0, 4.2), 90
 _SIDE_BY_SIDE = (0.02, 0.06, 0.5, 0.78), (0.62, 0.16, 0.35, 0.66)
-_STACKED = (0.04, 0.47, 0.92, 0.4), (0.1, 0.11, 0.87, 0.32)
+# The linkage is above the torque from this ratio of its width to its height; inches: the linkage,
+# at least and at most, the title above it, the torque, and the margin below this.
+_BROAD, _LOW, _HIGH, _TITLE, _TORQUE, _FOOT = 1.4, 2.2, 3.6, 0.65, 1.7, 0.6
 _NEARLY_WHITE = 252  # of 255
 _APART = 12.0  # of the name of a spring, points
 _PACES = 4  # slower, and faster, playing speeds on a page
@@ -117,9 +119,7 @@ def _film(design: Any, period: Period, name: str, words: str) -> Iterator[Image.
     """Yields pictures of the moving mechanism, and its torque up to the current crank angle."""
     samples, positions = _frames(period), period.rows('position')
     with rc_context(STYLE):
-        size, (linkage_place, diagram_place) = _SIZE, _SIDE_BY_SIDE
-        if proportion(period.drawing, positions) > WIDE:
-            size, (linkage_place, diagram_place) = _HIGH, _STACKED
+        size, linkage_place, diagram_place = _layout(proportion(period.drawing, positions))
         figure = Figure(figsize=size, dpi=_DPI)
         canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
         figure.text(0.02, 1 - 0.25 / size[1], name, weight='bold', fontsize=TEXT)
@@ -142,6 +142,23 @@ def _film(design: Any, period: Period, name: str, words: str) -> Iterator[Image.
             for artist in moving:
                 figure.draw_artist(artist)
             yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+
+
+def _layout(ratio: float) -> tuple[tuple[float, float], Any, Any]:
+    """Returns the size of a film, inches, and its axes of linkage and torque, as shares of it.
+
+    Args:
+        ratio: Ratio of width to height of the linkage.
+    """
+    if ratio < _BROAD:
+        return _SIZE, *_SIDE_BY_SIDE
+    wide, share = _SIZE[0], 0.92
+    linkage = min(max(share * wide / ratio, _LOW), _HIGH)
+    below = _FOOT + _TORQUE + 0.35  # with the title of the torque
+    pair = 2 / _DPI  # an MP4 has an even number of rows
+    high = pair * round((below + linkage + _TITLE) / pair)
+    places = (0.04, below / high, share, linkage / high), (0.1, _FOOT / high, 0.87, _TORQUE / high)
+    return (wide, high), *places
 
 
 class _Diagram:
