@@ -204,10 +204,7 @@ def sent_back(commands):
         ('feed_forward:=3', 'feed_forward = 3: must be true or false'),
         ('bandwidth:=-15.0', 'bandwidth = -15.0: must be a number from 0 to 1e'),
         ('rpm:=.nan', 'rpm = nan: must be a number'),
-        (
-            'rmp:=600.0',
-            "'rmp' is not a parameter of linkage_controller; linkage_contr",
-        ),
+        ('rmp:=600.0', "'rmp' is not a parameter of linkage_controller; did you mean rpm?"),
     ],
 )
 def test_invalid_parameter_is_one_line_and_exit_code_2(called, parameter, words):

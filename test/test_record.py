@@ -298,7 +298,7 @@ BAD_FILES = {
     ),
     'value out of range': (layout(crank='{length: 0.0}'), r'crank.length = 0.0: must be a number'),
     'value missing': (layout(crank='{mass: 1.0}'), r'crank.length is missing: must be a number'),
-    'name misspelt': (layout(crank='{lenght: 0.1}'), r'crank has length, mass'),
+    'name misspelt': (layout(crank='{lenght: 0.1}'), r'did you mean crank\.length\?'),
     'tab': ('/**:\n\tros__parameters:\n', r'line 2: a tab; indent with spaces'),
     'binary': (bytes(range(256)) * 16, 'is not a text file'),
     'measured crank': (

@@ -3,6 +3,7 @@
 """Creates a validated configuration from the parameters of a node, a file or a log."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -579,11 +580,11 @@ def _without_loads(
 def _unknown_groups(unknown: Sequence[str], valid: Sequence[str]) -> list[str]:
     """Returns unknown names; those in one unknown group are replaced by the name of the group."""
     known = {group for name in valid for group in _groups_of(name)}
+    sizes = Counter(group for name in unknown for group in _groups_of(name))
     groups = list[str]()
     for name in unknown:
         group = next((x for x in _groups_of(name) if x not in known), name)
-        is_shared = sum(x.startswith(f'{group}.') for x in unknown) > 1
-        groups.append(group if is_shared else name)
+        groups.append(group if sizes[group] > 1 else name)
     return list(dict.fromkeys(groups))
 
 
