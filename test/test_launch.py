@@ -242,12 +242,12 @@ def test_the_launch_ends_with_each_node_and_fails_if_it_failed(file, launched):
             node.on_exit(SimpleNamespace(process_name=name, returncode=2), None)
 
 
-def test_controller_and_plant_accept_the_parameters_of_their_launch_file(launched):
-    nodes, _ = launched(CONTROLLER, namespace='left', joint_prefix='l_', rpm='60', viewer='')
+def first_command(nodes, topic):
+    """Runs a plant and its controller; returns the first command, as CDR bytes."""
+    domain = fresh_domain()
     plant, controller = (
         ros_arguments(nodes[name]) for name in ('linkage_node', 'linkage_controller')
     )
-    topic, domain = '/left/joint_commands', fresh_domain()
     with (
         Listener(domain, {topic: 'sensor_msgs/msg/JointState'}) as heard,
         running('node', *plant, domain=domain) as node,
@@ -256,7 +256,12 @@ def test_controller_and_plant_accept_the_parameters_of_their_launch_file(launche
         wait_for(lambda: len(heard.received[topic]) > 20)
         stop(other)
         stop(node)
-    assert b'l_crank\0' in heard.received[topic][0]
+    return heard.received[topic][0]
+
+
+def test_controller_and_plant_accept_the_parameters_of_their_launch_file(launched):
+    nodes, _ = launched(CONTROLLER, namespace='left', joint_prefix='l_', rpm='60', viewer='')
+    assert b'l_crank\0' in first_command(nodes, '/left/joint_commands')
 
 
 def test_plant_of_a_file_is_driven_by_the_torque_of_its_controller(launched, tmp_path):
@@ -283,28 +288,17 @@ LEGS = """
 
 
 def test_controller_keeps_the_speed_of_one_of_several_linkages(launched, tmp_path):
-    file, domain = tmp_path / 'legs.yaml', fresh_domain()
+    file = tmp_path / 'legs.yaml'
     file.write_text(LEGS)
     for linkage in ('', 'middle'):
         with pytest.raises(ConfigurationError, match=r'legs.yaml: the linkages are left, right: '):
             launched(CONTROLLER, params=str(file), linkage=linkage)
     nodes, _ = launched(CONTROLLER, params=str(file), linkage='right', rpm='60')
-    plant, controller = (
-        ros_arguments(nodes[name]) for name in ('linkage_node', 'linkage_controller')
-    )
     values = values_of(nodes['linkage_node'])
     assert (values['right.start_rpm'], 'start_rpm' in values) == (60, False)
-    topic = '/joint_commands'
-    with (
-        Listener(domain, {topic: 'sensor_msgs/msg/JointState'}) as heard,
-        running('node', *plant, domain=domain) as node,
-        running('controller', *controller, domain=domain) as other,
-    ):
-        wait_for(lambda: len(heard.received[topic]) > 20)
-        stop(other)
-        stop(node)
-    assert b'right_crank\0' in heard.received[topic][0]
-    assert b'left_crank' not in heard.received[topic][0]
+    command = first_command(nodes, '/joint_commands')
+    assert b'right_crank\0' in command
+    assert b'left_crank' not in command
 
 
 def test_controller_of_the_launch_file_keeps_its_speed_in_a_loop_with_delays(launched):

@@ -169,7 +169,7 @@ def compared(sent: np.ndarray, complete: np.ndarray, begin: int, end: int) -> di
         sent: Stamps of the measurements, ns.
         complete: Stamps and arrivals of the answers, ns.
         begin: Start of the period that counts, ns.
-        end: Its end, ns.
+        end: End of the period, ns.
 
     Returns:
         Numbers of measurements, of complete answers and of lost ones, the rate of the robot, Hz,

@@ -90,7 +90,7 @@ def name_of(source: Path | str, design: Any) -> str:
     """Returns the name of a design in titles and in names of files.
 
     Args:
-        source: Its parameter file or preset.
+        source: Parameter file or preset of the design.
         design: The configuration of the linkage, whose name is added if it has one.
     """
     return '_'.join(filter(None, (Path(source).stem, design.name)))

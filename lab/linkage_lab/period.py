@@ -803,7 +803,7 @@ def _constant_rates(period: Period) -> tuple[float, float]:
     """Returns the constant speed, rad/s, and acceleration, rad/s^2, of the crank.
 
     Raises:
-        ConfigurationError: They are not constant, or there is no crank.
+        ConfigurationError: The speed or the acceleration varies, or no crank is driven.
     """
     velocity = period.motion(period.driven.name, 'velocity').values
     acceleration = period.motion(period.driven.name, 'acceleration').values

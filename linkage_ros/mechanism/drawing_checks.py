@@ -39,8 +39,8 @@ class _Part(NamedTuple):
     Attributes:
         label: Name of its parameters.
         part: A `DrawnLink`, `DrawnSlide` or `DrawnCylinder`; None for the frame.
-        pins: Its pins, each as it is meant.
-        is_certain: Whether it has no others.
+        pins: Names of its pins, misspelt ones corrected.
+        is_certain: Whether all its pins are known.
     """
 
     label: str

@@ -170,17 +170,18 @@ class Conversion:
         """Returns the mechanism; see `Drawing.mechanism`.
 
         Raises:
-            ConfigurationError: Links are left that are no dyads.
+            ConfigurationError: Some links do not form dyads.
         """
         try:
             return self.converted(gravity, loads, points)
         except ConfigurationError as error:
-            if self.degrees == _ONE_PIN_LESS and (words := ', and '.join(self.forgotten())):
-                raise ConfigurationError(
-                    f'{words}; is {"one of them" if ", and " in words else "it"} fixed? then add '
-                    'it to drawing.frame'
-                ) from error
-            raise
+            candidates = [*self.forgotten()] if self.degrees == _ONE_PIN_LESS else []
+            if not candidates:
+                raise
+            pin = 'it' if len(candidates) == 1 else 'one of them'
+            raise ConfigurationError(
+                f'{", and ".join(candidates)}; is {pin} fixed? then add it to drawing.frame'
+            ) from error
 
     def forgotten(self) -> Iterator[str]:
         """Yields the pins of one link that would make a mechanism as fixed pins, in words."""
@@ -196,7 +197,7 @@ class Conversion:
         """Returns the mechanism; see `mechanism`.
 
         Raises:
-            ConfigurationError: Links are left that are no dyads.
+            ConfigurationError: Some links do not form dyads.
         """
         base = self.base()
         mechanism = self.loop(base)

@@ -140,7 +140,7 @@ class DrivenMechanism:
         Args:
             y: Coordinates, then their rates.
             sine: Sine of the dyad in the current coordinates.
-            other_sine: That of the dyad in the other coordinates.
+            other_sine: Sine of the dyad in the other coordinates.
         """
         mechanism = self.solver.mechanism
         is_worse = sine < _LEAVE and other_sine > 2 * sine

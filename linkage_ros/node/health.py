@@ -44,7 +44,7 @@ class Health(NamedTuple):
 
 
 class _Sample(NamedTuple):
-    """What a report has seen.
+    """Counts and health at the time of a report.
 
     Attributes:
         time: Time of the report, s.

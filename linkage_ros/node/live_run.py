@@ -166,7 +166,7 @@ class LiveRun:
             yield from source.notes(subscription.name)
 
     def start(self) -> None:
-        """Starts the motion, or continues it after a pause."""
+        """Starts the motion, also with the messages received so far."""
         self._ticker.start()
 
     def resume(self) -> None:
@@ -271,7 +271,7 @@ class LiveRun:
         """Ends the motion of a linkage; the others continue.
 
         Raises:
-            LinkageError: There is no other.
+            LinkageError: No other linkage is moving.
         """
         self._ended[name] = error
         del self._moving[name]
@@ -300,7 +300,7 @@ class LiveRun:
             source: The reader of each linkage.
             motions: The motions before.
             stamp: Stamp of the tick, ns.
-            elapsed: Its time since tick 0, ns.
+            elapsed: Time of the tick since tick 0, ns.
         """
         for name, motion in motions.items():
             source.sources[name].prepare(motion, stamp)

@@ -495,7 +495,7 @@ class _Label(NamedTuple):
         direction: Preferred direction from there.
         color: Colour of the text.
         bold: Whether the label names a link.
-        is_optional: Whether it is left out if there is no room near its place.
+        is_optional: Whether to omit the label if there is no room near the part.
         shift: Vector by which `at` may be moved forwards and backwards along the part, m.
         part: The part if the label should be nearest to it, a line of shape (k, 2), m.
     """

@@ -209,8 +209,8 @@ def _snapshot(
         mechanism: The mechanism in this assembly.
         drive: The drive, whose motor accelerates a wind pump.
         place: Position of the driven joint.
-        speed: Its rate.
-        acceleration: Its acceleration, which is not used for a wind pump.
+        speed: Speed of the driven joint.
+        acceleration: Acceleration of the driven joint; a wind pump ignores it.
 
     Raises:
         LinkageError: The assembly does not exist at this position.

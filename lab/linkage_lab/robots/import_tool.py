@@ -137,7 +137,7 @@ def file_values(found: RobotDrawing, linkage: str = '') -> dict[str, object]:
 
     Args:
         found: The linkage.
-        linkage: Its name; empty for the only one.
+        linkage: Name of the linkage; empty if the file has only one.
     """
     frame = found.bodies[FRAME][0]
     # The plane is a frame of its own: traced points are in its axes, not in those of the link.
