@@ -11,7 +11,7 @@ import pytest
 from pages import page_files, read
 
 from linkage_lab import command_line
-from linkage_lab.charts.state import assemblies, snapshots
+from linkage_lab.charts.state import _table, assemblies, snapshots
 from linkage_lab.period import SLIDING, TURNING, law_period
 from linkage_ros import Solver, UnreachableError
 from linkage_ros.settings.configuration import configure, load
@@ -228,3 +228,14 @@ def test_a_linkage_of_several_is_chosen_by_its_name(called, tmp_path):
     for name in ('both ', 'both middle'):
         code, _, error = printed[name]
         assert (code, 'left, right' in error) == (2, True)
+
+
+def test_numbers_of_any_size_are_apart_in_the_table():
+    found, _ = at({**NORTON, 'points.p.link': 'coupler', 'points.p.at': [1.0, 0.5]}, 30.0)
+    for number in (-1.23456e-4, -1.23456e-6, -123456.0, -1.23456e9):
+        values = {name: x._replace(value=number) for name, x in found[0].values.items()}
+        lines = [*_table(found[0]._replace(values=values), '')]
+        (point,) = (line for line in lines if line.startswith('  p '))
+        assert len(point.split()) == 7
+        links = [line for line in lines if ' rad/s^2' in line and ' deg ' in line]
+        assert [len(line.split()) for line in links] == 3 * [7]

@@ -315,16 +315,16 @@ def _table(one: Snapshot, title: str) -> Iterator[str]:
     points = [name.removesuffix('.velocity.x') for name in values if '.velocity.x' in name]
     width = 2 + max(12, *(len(name.partition('.')[0]) for name in values))
     yield title
-    yield f'  {"link":<{width}}{"position":>16}{"velocity":>18}{"acceleration":>20}'
+    yield f'  {"link":<{width}}{"position":>18}{"velocity":>20}{"acceleration":>22}'
     tabulated = list[str]()
     for name in values:
         link, _, word = name.rpartition('.')
         if motion := {'position': SLIDING, 'direction': TURNING}.get(word):
             names = [f'{link}.{quantity}' for quantity, _ in motion]
-            yield _row(link, [values[name] for name in names], width, (16, 18, 20))
+            yield _row(link, [values[name] for name in names], width, (18, 20, 22))
             tabulated += names
     heads = 'x', 'y', 'velocity x', 'y', 'acceleration x', 'y'
-    widths = 12, 12, 14, 12, 18, 12
+    widths = 14, 14, 14, 14, 16, 14
     head = ''.join(f'{word:>{size}}' for word, size in zip(heads, widths, strict=True))
     yield f'  {"point":<{width}}{head}   in m and s'
     for point in points:
