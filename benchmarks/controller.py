@@ -202,12 +202,12 @@ def say(rpm: float, name: str, alone: dict[str, float], fed: dict[str, float]) -
 
 def draw(curves: dict[tuple[float, str, bool], np.ndarray], path: Path) -> None:
     """Draws ripple and torque over the last turn of the crank, without and with feed-forward."""
-    from linkage_lab.output import Pictures, chart
+    from linkage_lab.output import chart
 
     speeds = list(dict.fromkeys(rpm for rpm, _, _ in curves))
     names = list(dict.fromkeys(name for _, name, _ in curves))
     rows = 2 * len(speeds)
-    with chart(Pictures((path,)), 1.0 + 2.0 * rows) as figure:
+    with chart([path], 1.0 + 2.0 * rows) as figure:
         axes = figure.subplots(rows, len(names), squeeze=False, sharex=True, sharey='row')
         for (rpm, name, fed), (degrees, ripple, effort) in curves.items():
             above, below = axes[2 * speeds.index(rpm) :, names.index(name)][:2]

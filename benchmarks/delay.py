@@ -50,12 +50,12 @@ def wander(delay: float) -> float:
 
 def draw(records: list[dict[str, float]], path: Path) -> None:
     """Draws the deviation against the delay, with the typical delays of controllers."""
-    from linkage_lab.output import Pictures, chart
+    from linkage_lab.output import chart
 
     percent = {record['delay_ticks']: 100 * record['largest_deviation'] for record in records}
     cases = {0.0: 'of mid-tick', 0.5: "of the tick's start", 1.5: 'one tick late'}
     title = f'Torque of a constant {RPM:g} rpm, held over each tick, {TURNS} turns'
-    with chart(Pictures((path,)), 5.0, title) as figure:
+    with chart([path], 5.0, title) as figure:
         axes = figure.subplots()
         axes.plot(percent.keys(), percent.values(), marker='o', color=fractions(FIRST))
         for delay, words in cases.items():

@@ -32,7 +32,6 @@ import timing_page  # noqa: E402
 from pages import blocks, commands, is_python, page_files, read  # noqa: E402
 
 from linkage_lab.charts import accuracy, stability  # noqa: E402
-from linkage_lab.output import Pictures  # noqa: E402
 
 PAGES = (
     'README.md', 'docs/drawings.md', 'docs/pandas.md', 'docs/robot.md', 'lab/docs/designs.md',
@@ -77,8 +76,8 @@ def draw(name: str) -> None:
     def content(name: str) -> Any:
         return json.loads((DOCS / f'{name}.json').read_text())
 
-    def files(name: str) -> Pictures:
-        return Pictures((DOCS / f'{name}.png',))
+    def files(name: str) -> list[Path]:
+        return [DOCS / f'{name}.png']
 
     if name == 'timing':
         timing_page.write(DOCS)

@@ -283,10 +283,9 @@ from linkage_lab.charts.stability import draw_stability
 from linkage_lab.methods import linkage_cases, measure
 from linkage_lab.methods.registry import METHODS
 from linkage_lab.methods.situations import SITUATIONS
-from linkage_lab.output import Pictures
 import inverse_cosine
 
-FILES = [Pictures((Path(f'{name}.png'),)) for name in ('accuracy', 'stability')]
+FILES = [[Path(f'{name}.png')] for name in ('accuracy', 'stability')]
 METHODS[1:-1] = []  # of all, the default and the new one
 points = measure.measure_accuracy(
     linkage_cases.linkages(quick=True)[::2], METHODS, quick=True

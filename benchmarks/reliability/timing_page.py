@@ -197,7 +197,7 @@ def draw(
     ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dict, path: Path
 ) -> None:
     """Draws the figures of the page as bar charts."""
-    from linkage_lab.output import Pictures, chart
+    from linkage_lab.output import chart
 
     def bars(axes, title: str, values: dict[str, float]) -> None:
         names = list(values)[::-1]
@@ -209,7 +209,7 @@ def draw(
         axes.spines[['top', 'right']].set_visible(False)
 
     title = 'Processor time of ticks, logs, motions and states'
-    with chart(Pictures((path,)), 7.5, title) as figure:
+    with chart([path], 7.5, title) as figure:
         grid = figure.subplots(2, 2)
         costs = {CONTENDERS[one['contender']]: per_tick(one) for one in ticks}
         bars(grid[0, 0], 'A tick at 1 kHz, \N{MICRO SIGN}s', costs)

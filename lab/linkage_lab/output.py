@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -50,14 +50,8 @@ _ANGLES = 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440  # steps of ticks, deg
 _LEVELS = 5  # most intervals between the ticks of a vertical axis
 
 
-class Pictures(NamedTuple):
-    """The files of a picture: a path for each format."""
-
-    paths: tuple[Path, ...]
-
-
-def pictures(options: argparse.Namespace, stem: str) -> Pictures:
-    """Names the files of a picture.
+def pictures(options: argparse.Namespace, stem: str) -> list[Path]:
+    """Names the files of a picture, one for each format.
 
     Args:
         options: Parsed command-line options with the folder, the formats and `overwrite`.
@@ -66,10 +60,10 @@ def pictures(options: argparse.Namespace, stem: str) -> Pictures:
     Raises:
         ConfigurationError: A file must not be written; see `new_file`.
     """
-    return Pictures(tuple(
+    return [
         new_file(options, options.out / f'{stem}.{suffix}')
         for suffix in dict.fromkeys(options.format)
-    ))  # fmt: skip
+    ]
 
 
 def new_file(options: argparse.Namespace, path: Path) -> Path:
@@ -167,9 +161,9 @@ def rounded(value: float) -> str:
     return f'{float(f"{value:.4g}") + 0.0:.7g}'
 
 
-def in_degrees(angle: float, digits: int = 5) -> str:
+def in_degrees(angle: float) -> str:
     """Writes an angle, rad, in degrees; rounding errors of 0 are 0."""
-    return f'{round(math.degrees(angle), 9) + 0.0:.{digits}g} deg'
+    return f'{round(math.degrees(angle), 9) + 0.0:.5g} deg'
 
 
 def dash(number: int) -> Any:
@@ -212,12 +206,12 @@ def saved(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def chart(
-    pictures: Pictures, height: float, title: str = '', layout: Any = 'constrained'
+    files: Iterable[Path], height: float, title: str = '', layout: Any = 'constrained'
 ) -> Iterator[Any]:
     """Creates a figure in the common style, and saves it at the end of the context.
 
     Args:
-        pictures: The files.
+        files: The files, replaced if they exist.
         height: Height, inches.
         title: Title of the whole chart.
         layout: Layout engine of matplotlib.
@@ -238,7 +232,7 @@ def chart(
         FigureCanvasAgg(figure)  # keeps one text renderer, not one for each text
         figure.suptitle(title)
         yield figure
-        for path in pictures.paths:
+        for path in files:
             options: dict[str, Any] = {}
             if path.suffix == '.png':
                 options['pil_kwargs'] = {'compress_level': _COMPRESSED}

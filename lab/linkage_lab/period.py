@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from linkage_lab.gaps import Column, around_gaps, at_change_points
-from linkage_lab.output import name_of, progress
+from linkage_lab.output import name_of
 from linkage_lab.sampling import (
     integral,
     interpolated,
@@ -854,7 +854,7 @@ def _settled(
             'forwards before its motor drives it; try --rpm 20'
         )
     speed, mechanism = radians_per_second(start_rpm), cast('WindPump', design.mechanism)
-    settled = settle(mechanism, drive.motor.torque, drive.motor.damping, speed, progress)
+    settled = settle(mechanism, drive.motor, speed)
     low, high = settled.turning_points.min(), settled.turning_points.max()
     repeats = f', repeats after {settled.turns} turns' if settled.turns > 1 else ''
     return settled_period(settled), [
@@ -886,35 +886,23 @@ def mean(crank: Array, values: Array) -> float:
     return float(integral(crank, values)[-1]) / float(crank[-1] - crank[0])
 
 
-def extent(x: Array, values: Array, curve: Callable[[Array], Array] | None = None) -> Extent:
+def extent(x: Array, values: Array) -> Extent:
     """Finds the extreme values of a quantity over a period, and its root mean square.
 
     Args:
         x: Crank angles or times in increasing order, rad or s.
-        values: Values at these angles or times.
-        curve: The quantity as a function of them; None to interpolate the values.
-
-    Returns:
-        The extent; see `peaks`.
+        values: Values at these angles or times, between which they are interpolated.
     """
-    if curve is None:
-        return extents(x, values[None])[0]
-    return extents(x, values[None], lambda places: curve(places)[None])[0]
+    return extents(x, values[None])[0]
 
 
-def extents(
-    x: Array, values: Array, curves: Callable[[Array], Array] | None = None
-) -> list[Extent]:
-    """Finds the extents of m quantities, of shapes (m, n) and (m, k); see `extent`.
-
-    If any value is infinite, values are interpolated and `curves` is not used.
-    """
-    is_finite = bool(np.isfinite(values).all())
-    finite = values if is_finite else _without_infinite(values)
-    curve_values = curves if is_finite and curves else interpolated(x, finite)
+def extents(x: Array, values: Array) -> list[Extent]:
+    """Finds the extents of m quantities, shape (m, n); see `extent`."""
+    finite = values if np.isfinite(values).all() else _without_infinite(values)
+    curves = interpolated(x, finite)
 
     def with_opposites(places: Array) -> Array:
-        rows = curve_values(places)
+        rows = curves(places)
         return np.concatenate([rows, -rows])
 
     # The smallest value of a quantity is that of its opposite's largest one.

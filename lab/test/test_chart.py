@@ -300,8 +300,7 @@ def test_wind_pump_is_drawn_in_its_settled_state(drawn):
 
 def test_mean_power_of_a_settled_pump_equals_the_loss_at_its_slider():
     pump = load('wind_pump')
-    motor = pump.drive.motor
-    settled = settle(pump.mechanism, motor.torque, motor.damping, 2.0, lambda items, _: items)
+    settled = settle(pump.mechanism, pump.drive.motor, 2.0)
     turn = settled_period(settled)
     rate, slide = (turn.motion(name, 'velocity').values for name in ('crank', 'slider'))
     time = elapsed(turn.crank, rate)

@@ -13,10 +13,10 @@ from matplotlib.text import Text
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
-from linkage_lab.output import DPI, Pictures
+from linkage_lab.charts.pump import draw_pump, states_table
+from linkage_lab.output import DPI
 from linkage_lab.pump.analysis import STOPPED, STRETCHED, UNSETTLED, analyse, settle
 from linkage_lab.pump.averaged import averaged
-from linkage_lab.pump.chart import draw_pump, states_table
 from linkage_lab.pump.continuation import (
     FOLD,
     PERIOD_DOUBLING,
@@ -53,10 +53,6 @@ FOLDS = 7.280846117255, 12.647779213684
 CHANGES = 20.588412, 6.592404669, 7.720668750, 8.864104817  # with a damping of 30 N s/m
 
 
-def plain(items, _):
-    return items
-
-
 def slid(damping=60.0, force=0.0, **changes):
     """Returns the pump with changes of its slider and of the load on it."""
     loads = (LinkLoad('slider', force, damping),)
@@ -64,16 +60,16 @@ def slid(damping=60.0, force=0.0, **changes):
 
 
 def settled(pump, speed, motor=MOTOR):
-    return settle(pump, motor.torque, motor.damping, speed, plain)
+    return settle(pump, motor, speed)
 
 
 def shooting(pump):
-    return Shooting(pump, MOTOR.torque, MOTOR.damping, MOTOR.torque / MOTOR.damping)
+    return Shooting(pump, MOTOR, MOTOR.torque / MOTOR.damping)
 
 
 @pytest.fixture(scope='module')
 def analysis():
-    return analyse(PUMP, MOTOR.torque, MOTOR.damping, speeds=(2.0, 6.0), progress=plain)
+    return analyse(PUMP, MOTOR, (2.0, 6.0))
 
 
 @pytest.fixture(scope='module')
@@ -358,7 +354,7 @@ def test_a_load_that_jumps_where_the_slider_turns_keeps_its_digits():
 )
 def test_pump_that_cannot_be_charted_is_refused(changes, torque, error, message):
     with pytest.raises(error, match=message):
-        analyse(slid(**changes), torque, 1.2, speeds=(2.0,), progress=plain)
+        analyse(slid(**changes), Motor(torque, 1.2), (2.0,))
 
 
 def test_a_turn_that_the_crank_cannot_complete_is_refused():
@@ -384,7 +380,7 @@ def test_the_record_has_every_number(analysis, motions):
 def test_a_pump_without_a_state_is_drawn_and_recorded(analysis, tmp_path):
     runs = [run._replace(state=None) for run in analysis.runs]
     none = analysis._replace(states=[], pieces=[], runs=runs, lost={UNSETTLED: 1.0})
-    draw_pump(none, 'no state', Pictures((tmp_path / 'none.png',)), DPI / 4)
+    draw_pump(none, 'no state', [tmp_path / 'none.png'], DPI / 4)
     record = json.loads(json.dumps(none.record(), allow_nan=False))
     assert (record['states'], record['runs'][0]['settles_at_state']) == ([], None)
 
@@ -394,7 +390,7 @@ def test_the_picture_can_be_read_at_half_its_size(analysis, monkeypatch, tmp_pat
     monkeypatch.setattr(
         Figure, 'savefig', lambda *page, **meta: pages.append(page) or save(*page, **meta)
     )
-    draw_pump(analysis, 'wind_pump', Pictures((tmp_path / 'pump.png',)), DPI)
+    draw_pump(analysis, 'wind_pump', [tmp_path / 'pump.png'], DPI)
     ((figure, _),) = pages
     assert (tmp_path / 'pump.png').read_bytes().startswith(b'\x89PNG')
     pixels = 700 / figure.get_figwidth() / 72  # of a point

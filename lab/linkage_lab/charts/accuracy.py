@@ -18,6 +18,7 @@ import math
 import operator
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,7 +44,6 @@ from linkage_lab.methods.stages import QUANTITIES
 from linkage_lab.output import (
     SMALL,
     TEXT,
-    Pictures,
     Stopwatch,
     about,
     chart,
@@ -174,12 +174,12 @@ def accuracy(options: argparse.Namespace) -> None:
     for title, stem, group in charts(points, about()):
         files = pictures(options, stem)
         draw_accuracy(group, f'{title}\n{warning}'.rstrip(), files)
-        written += files.paths
+        written += files
     errors, speeds = _measure_follow(quick=quick)
     save_records(follow_records, errors)
     title = f'Torque error of a measured crank: quadrilateral, {speeds}, measured at 1 kHz'
     draw_follow(errors, title, follow_pictures)
-    written += [follow_records, *follow_pictures.paths]
+    written += [follow_records, *follow_pictures]
     print(*written, sep='\n')
 
 
@@ -202,7 +202,7 @@ def charts(
         yield title, f'accuracy_{name.replace(" ", "_")}', group
 
 
-def draw_accuracy(points: Sequence[Point], title: str, files: Pictures) -> None:
+def draw_accuracy(points: Sequence[Point], title: str, files: Sequence[Path]) -> None:
     """Draws the chart of a linkage (a row per quantity) or of all motions (a row per motion).
 
     Args:
@@ -366,7 +366,7 @@ def _rounded(values: Array, step: float) -> list[float]:
     return rounded
 
 
-def draw_follow(points: Sequence[dict[str, Any]], title: str, files: Pictures) -> None:
+def draw_follow(points: Sequence[dict[str, Any]], title: str, files: Sequence[Path]) -> None:
     """Plots the torque error of a measured crank against the bandwidth, for each encoder.
 
     Args:

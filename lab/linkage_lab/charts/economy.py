@@ -9,6 +9,7 @@ import math
 import textwrap
 import time
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -21,7 +22,6 @@ from linkage_lab import torque_models
 from linkage_lab.output import (
     NUMBERS,
     SMALL,
-    Pictures,
     chart,
     doubts,
     name_of,
@@ -152,7 +152,7 @@ def economy(options: argparse.Namespace) -> None:
     save_records(records, savings)
     colors = colors_of(configuration.mechanism.parts())
     _draw(savings, [*measured.terms], colors, sentence, own, options.tolerance, drawn)
-    print(f'{name}: {sentence}', records, *drawn.paths, sep='\n')
+    print(f'{name}: {sentence}', records, *drawn, sep='\n')
 
 
 def _speeds(source: str, drive: Any, given: Sequence[float]) -> tuple[float, list[float]]:
@@ -393,7 +393,7 @@ def _draw(
     sentence: str,
     rpm: float,
     tolerance: float,
-    files: Pictures,
+    files: Sequence[Path],
 ) -> None:
     """Draws bars for each speed and, for one speed, the reduced models and a table of savings."""
     at_rpm, heights = [x for x in savings if x['rpm'] == rpm], (3.7, 2.4 + 0.17 * len(terms))

@@ -5,6 +5,7 @@
 import math
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +18,6 @@ from linkage_lab.output import (
     NUMBERS,
     SMALL,
     WIDTH,
-    Pictures,
     box,
     chart,
     dash,
@@ -88,7 +88,7 @@ class _Sizing(NamedTuple):
 
 
 def size_flywheel(
-    period: Period, motor: Motor | None, fluctuation: float, name: str, files: Pictures
+    period: Period, motor: Motor | None, fluctuation: float, name: str, files: Sequence[Path]
 ) -> list[str]:
     """Sizes a flywheel for a mechanism, draws its effect, and checks the motor, if any.
 
@@ -178,7 +178,7 @@ def _attempt(
     return cycle, f'the motor drives the cycle {at}'
 
 
-def _draw(sizing: _Sizing, name: str, warning: str, files: Pictures) -> None:
+def _draw(sizing: _Sizing, name: str, warning: str, files: Sequence[Path]) -> None:
     """Draws a table, and torque and speed over the crank angle; with a motor, also its line.
 
     Args:

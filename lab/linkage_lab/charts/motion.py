@@ -55,13 +55,13 @@ def motion(options: argparse.Namespace) -> None:
     else:
         _save_table(period, options, table)
         lines, remarks = [', '.join(title)], _remarks(first, period, title)
-    files = [*drawn.paths, table]
+    files = [*drawn, table]
     if flywheel is not None:
         from linkage_lab.charts.flywheel_sheet import size_flywheel  # needs SciPy
 
         motor = getattr(first.drive, 'motor', None)
         lines += size_flywheel(period, motor, options.fluctuation, names[0], flywheel)
-        files = [*flywheel.paths, *files]
+        files = [*flywheel, *files]
     sketches = {name: sketch_at(linkages[name], one, _shown(one)) for name, one in periods.items()}
     draw_sheet(sketches, periods, remarks, options, drawn)
     if options.json:

@@ -7,6 +7,7 @@ import math
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from matplotlib.axes import Axes
@@ -29,7 +30,6 @@ from linkage_lab.output import (
     NUMBERS,
     TEXT,
     WIDTH,
-    Pictures,
     box,
     chart,
     dash,
@@ -104,7 +104,7 @@ def draw_sheet(
     periods: Mapping[str, Period],
     lines: Sequence[str],
     options: argparse.Namespace,
-    files: Pictures,
+    files: Sequence[Path],
 ) -> None:
     """Draws the mechanisms, a table of extreme values, and diagrams over a period.
 

@@ -161,7 +161,7 @@ def sketch(options: argparse.Namespace) -> None:
             0.3 / WIDTH, 1 - (_ROOM + HIGH + 0.05) / height, '\n'.join(written), va='top',
             family='monospace', fontsize=NUMBERS - 0.5, linespacing=1.25,
         )  # fmt: skip
-    print(name, *lines, *files.paths, sep='\n')
+    print(name, *lines, *files, sep='\n')
 
 
 def sketch_of(design: Any, at: float | None = None) -> Sketched:

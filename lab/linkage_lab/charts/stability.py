@@ -8,6 +8,7 @@
 import argparse
 import textwrap
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,6 @@ from linkage_lab.output import (
     NUMBERS,
     SMALL,
     WIDTH,
-    Pictures,
     box,
     chart,
     new_file,
@@ -86,7 +86,7 @@ def stability(options: argparse.Namespace) -> None:
     ]  # fmt: skip
     save_records(records, cells)
     draw_stability(cells, heading(cases), drawn)
-    print(records, *drawn.paths, sep='\n')
+    print(records, *drawn, sep='\n')
 
 
 def heading(cases: int) -> str:
@@ -97,7 +97,7 @@ def heading(cases: int) -> str:
     )
 
 
-def draw_stability(cells: Sequence[dict[str, Any]], title: str, files: Pictures) -> None:
+def draw_stability(cells: Sequence[dict[str, Any]], title: str, files: Sequence[Path]) -> None:
     """Draws all grids, one below the other.
 
     Args:

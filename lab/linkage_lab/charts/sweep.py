@@ -5,7 +5,7 @@
 import argparse
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from linkage_lab.output import (
-    Pictures,
     chart,
     doubts,
     new_file,
@@ -75,7 +74,7 @@ def sweep(options: argparse.Namespace) -> None:
         )
     if study.goals:
         _draw_front(results, name, drawn)
-    written = [table, *drawn.paths] if study.goals else [table]
+    written = [table, *drawn] if study.goals else [table]
     if options.json:
         files = [*map(str, written)]
         cli.print_json({'text': [results.summary, *results.lines()], 'files': files})
@@ -185,7 +184,7 @@ class _Results:
         return head, [[i + 1, *cells[i].tolist(), self.outcomes[i]] for i in measured]
 
 
-def _draw_front(results: _Results, name: str, files: Pictures) -> None:
+def _draw_front(results: _Results, name: str, files: Sequence[Path]) -> None:
     """Plots the two goals of all designs against each other."""
     first, second = results.study.goals
     with chart(files, 4.6, f'{name}: {results.summary}') as figure:

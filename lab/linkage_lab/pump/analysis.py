@@ -4,12 +4,13 @@
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from linkage_lab.output import progress
 from linkage_lab.pump.averaged import AveragedMotion, averaged
 from linkage_lab.pump.continuation import (
     LOST,
@@ -21,6 +22,7 @@ from linkage_lab.pump.continuation import (
 from linkage_lab.pump.shooting import ROUGH, TURN, PeriodicMotion, Shooting
 from linkage_ros import ConfigurationError, MotionError, WindPump
 from linkage_ros.formulas import Array
+from linkage_ros.internals import Motor
 
 # Starts at crank angle 0: parts of the slider's range and of the no-load speed, and slider speeds
 # relative to that of the crank pin at the no-load speed.
@@ -78,8 +80,7 @@ class Analysis(NamedTuple):
     """The results for one pump under one motor.
 
     Attributes:
-        torque: Torque of the motor at rest, N m.
-        damping: Decrease of this torque per unit of crank speed, N m s.
+        motor: The motor.
         states: Steady states in order of speed, stable or not.
         pieces: The curves of periodic motions over the torque.
         runs: Motions from named starts.
@@ -87,8 +88,7 @@ class Analysis(NamedTuple):
         lost: Fractions of the starts that settle in none of the states, by reason.
     """
 
-    torque: float
-    damping: float
+    motor: Motor
     states: list[SteadyState]
     pieces: list[Piece]
     runs: list[Run]
@@ -101,7 +101,7 @@ class Analysis(NamedTuple):
             self.lost.get(reason, 0.0) for reason in (STRETCHED, STOPPED, UNSETTLED)
         )
         return {
-            'motor': {'torque': self.torque, 'damping': self.damping},
+            'motor': {'torque': self.motor.torque, 'damping': self.motor.damping},
             'states': [
                 {**state.motion.record(), 'share_of_starts': state.share}
                 for state in self.states
@@ -134,8 +134,8 @@ class Analysis(NamedTuple):
         """Returns the averaged motion near a state as a JSON record; None if none was found."""
         if state.averaged is None:
             return None
-        load = self.torque - self.damping * state.averaged.speed
-        return {'torque': self.torque, 'load': load, **state.averaged.numbers}
+        load = self.motor.at(state.averaged.speed)
+        return {'torque': self.motor.torque, 'load': load, **state.averaged.numbers}
 
 
 class _Outcome(NamedTuple):
@@ -150,22 +150,13 @@ class _Outcome(NamedTuple):
     duration: float
 
 
-def analyse(
-    mechanism: WindPump,
-    torque: float,
-    damping: float,
-    *,
-    speeds: Sequence[float],
-    progress: Callable[[Iterable[Any], str], Iterable[Any]],
-) -> Analysis:
+def analyse(mechanism: WindPump, motor: Motor, speeds: Sequence[float]) -> Analysis:
     """Finds the steady states of a pump, their shares of the starts, and their torques.
 
     Args:
         mechanism: The pump, with the start of its slider.
-        torque: Torque of the motor at rest, N m.
-        damping: Decrease of this torque per unit of crank speed, N m s.
+        motor: The motor of its crank.
         speeds: Crank speeds at angle 0 from which the pump is started, positive, rad/s.
-        progress: Wraps an iterable in a progress bar with a label.
 
     Returns:
         The analysis.
@@ -174,7 +165,7 @@ def analyse(
         ConfigurationError: The motor does not turn the crank forwards.
         UnreachableError: The pump cannot be assembled with its slider at the start position.
     """
-    shooting = _shooting(mechanism, torque, damping, speeds)
+    shooting = _shooting(mechanism, motor, speeds)
     search, starts = _Search(shooting), list(_starts(mechanism, shooting))
     for start in progress(starts, "Newton's method"):
         search.try_newton(np.array(start))
@@ -189,8 +180,7 @@ def analyse(
     ]
     numbers: dict[object, int] = {state.motion: number for number, state in enumerate(states)}
     return Analysis(
-        torque,
-        damping,
+        motor,
         states,
         search.pieces,
         [run._replace(state=numbers.get(end)) for run, end in runs],
@@ -199,21 +189,13 @@ def analyse(
     )
 
 
-def settle(
-    mechanism: WindPump,
-    torque: float,
-    damping: float,
-    speed: float,
-    progress: Callable[[Iterable[Any], str], Iterable[Any]],
-) -> PeriodicMotion:
+def settle(mechanism: WindPump, motor: Motor, speed: float) -> PeriodicMotion:
     """Integrates a pump until it is near a stable periodic motion.
 
     Args:
         mechanism: The pump, with the start of its slider.
-        torque: Torque of the motor at rest, N m.
-        damping: Decrease of this torque per unit of crank speed, N m s.
+        motor: The motor of its crank.
         speed: Speed of the crank at angle 0, above 0, rad/s.
-        progress: Wraps an iterable in a progress bar with a label.
 
     Returns:
         The motion.
@@ -223,7 +205,7 @@ def settle(
             settle.
         UnreachableError: The pump cannot be assembled with its slider at the start position.
     """
-    search = _Search(_shooting(mechanism, torque, damping, [speed]), follows=False)
+    search = _Search(_shooting(mechanism, motor, [speed]), follows=False)
     start = mechanism.slider.position, speed, mechanism.slider.velocity
     outcome = search.settled(start, progress(_CHECKS, 'motion'))
     if isinstance(outcome.end, str):
@@ -234,23 +216,23 @@ def settle(
     return outcome.end
 
 
-def _shooting(
-    mechanism: WindPump, torque: float, damping: float, speeds: Sequence[float]
-) -> Shooting:
+def _shooting(mechanism: WindPump, motor: Motor, speeds: Sequence[float]) -> Shooting:
     """Prepares the map of a pump.
 
     Raises:
         ConfigurationError: The motor does not turn the crank forwards.
         UnreachableError: The pump cannot be assembled with its slider at the start position.
     """
-    if not torque > 0:
+    if not motor.torque > 0:
         raise ConfigurationError(
-            f'motor.torque = {torque:g}: must be above 0 N m, so that the motor turns the crank'
+            f'motor.torque = {motor.torque:g}: must be above 0 N m, so that the motor turns the '
+            'crank'
         )
-    pace = torque / damping if damping else max(speeds)
-    shooting = Shooting(mechanism, torque, damping, pace)
+    pace = motor.torque / motor.damping if motor.damping else max(speeds)
+    shooting = Shooting(mechanism, motor, pace)
     x, v = mechanism.slider.position, mechanism.slider.velocity
-    shooting.solver.accelerations((0.0, x), (max(speeds), v), torque)  # raises UnreachableError
+    # It may be out of reach.
+    shooting.solver.accelerations((0.0, x), (max(speeds), v), motor.torque)
     return shooting
 
 
@@ -381,7 +363,7 @@ class _Search:
     def try_newton(self, passage: Array, turns: int = 1) -> PeriodicMotion | None:
         """Adds the state that Newton's method finds from a passage, and returns it, if any."""
         with suppress(MotionError):
-            guess = np.append(passage, self.shooting.torque)
+            guess = np.append(passage, self.shooting.motor.torque)
             rough = self.shooting.find(guess, turns, tolerance=ROUGH)
             if known := self._known(rough):
                 return known

@@ -68,7 +68,7 @@ def residuals(shooting: Shooting, motion: AveragedMotion, torque: float) -> Arra
         UnreachableError: The dyad does not close at some crank angle.
     """
     x, w, v = motion.at(_ANGLES)
-    q, motor_torque = (_ANGLES, x), torque - shooting.damping * w
+    q, motor_torque = (_ANGLES, x), torque - shooting.motor.damping * w
     free_crank, free_slider = shooting.solver.accelerations(q, (w, v), motor_torque)
     # A motion with other accelerations than the free ones needs the forces M (q'' - free q'').
     # The crank of the approximate motion does not accelerate.

@@ -21,6 +21,7 @@ from scipy.integrate import solve_ivp
 
 from linkage_ros import LinkageError, MotionError, Solver, State, WindPump
 from linkage_ros.formulas import Array
+from linkage_ros.internals import Motor
 
 TURN = 2 * math.pi
 # Relative tolerances of the integration: of states, along a curve, of guesses, and over time.
@@ -41,21 +42,20 @@ class Shooting:
 
     Attributes:
         solver: Solver of the pump.
-        torque: Torque of the motor at rest, N m.
-        damping: Decrease of this torque per unit of crank speed, N m s.
+        motor: The motor.
         units: Typical sizes of the values of a phase: m, rad/s, m/s and N m.
     """
 
-    def __init__(self, mechanism: WindPump, torque: float, damping: float, pace: float) -> None:
+    def __init__(self, mechanism: WindPump, motor: Motor, pace: float) -> None:
         """Prepares the map; `pace` is a typical crank speed, rad/s."""
-        self.solver, self.torque, self.damping = Solver(mechanism), torque, damping
+        self.solver, self.motor = Solver(mechanism), motor
         r = mechanism.crank.length
-        self.units: Any = np.array((r, pace, r * pace, torque))
+        self.units: Any = np.array((r, pace, r * pace, motor.torque))
         self._lengths = r, mechanism.coupler.length, mechanism.rod.length
         # `driven_by` takes a torque that depends on the speed alone; the torque at rest, which
         # differs between phases, is set before each evaluation.
-        self._torque_at_rest = torque
-        self._driven = self.solver.driven_by(lambda w: self._torque_at_rest - damping * w)
+        self._torque_at_rest = motor.torque
+        self._driven = self.solver.driven_by(lambda w: self._torque_at_rest - motor.damping * w)
 
     def shoot(
         self, phases: Array, turns: int = 1, tolerance: float = STATE, *, dense: bool = False
@@ -191,7 +191,7 @@ class Shooting:
             becomes positive. The motion ends early if the dyad is stretched.
         """
         evaluations, most_evaluations = 0, _MOST * (1 + duration * self.units[1] / TURN)
-        self._torque_at_rest = self.torque
+        self._torque_at_rest = self.motor.torque
 
         def slopes(_: float, values: Array) -> tuple[float, ...]:
             nonlocal evaluations
@@ -296,7 +296,7 @@ class PeriodicMotion:
     @property
     def load(self) -> float:
         """Mean torque on the crank over time, N m."""
-        return self.torque - self.shooting.damping * self.speed
+        return self.torque - self.shooting.motor.damping * self.speed
 
     @property
     def stroke(self) -> float:
@@ -333,7 +333,7 @@ class PeriodicMotion:
         """Computes the motion of all links at crank angles within the period, rad."""
         solver, (x, w, v) = self.shooting.solver, self.at(angles)
         q, u = (angles, x), (w, v)
-        torque = self.torque - self.shooting.damping * w
+        torque = self.torque - self.shooting.motor.damping * w
         return solver.state(q, u, solver.accelerations(q, u, torque))
 
     def distance(self, phases: Array) -> Array:
