@@ -155,14 +155,7 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
 def _tree(
     mechanism: Mechanism, joint_prefix: str, names: list[str], position: list[float]
 ) -> tuple[ET.Element, list[ET.Element]]:
-    """Returns the world with the tree of bodies, and the body of each link.
-
-    Args:
-        mechanism: The mechanism.
-        joint_prefix: Prefix of all joint and body names.
-        names: Names of the joints.
-        position: Reference position of each joint.
-    """
+    """Returns the world with the tree of bodies, and the body of each link."""
     world, bodies = _element('worldbody'), list[ET.Element]()
     links, shapes = mechanism.structure().links, _shapes(mechanism, joint_prefix)
     for name, link, shape, at in zip(names, links, shapes, position, strict=True):

@@ -155,9 +155,6 @@ _OF_MOTIONS = _Grid(
 def accuracy(options: argparse.Namespace) -> None:
     """Measures speed and accuracy of all methods, draws the results, and writes the records.
 
-    Args:
-        options: Parsed command-line options.
-
     Raises:
         ConfigurationError: A file cannot be written.
     """
@@ -203,13 +200,7 @@ def charts(
 
 
 def draw_accuracy(points: Sequence[Point], title: str, files: Sequence[Path]) -> None:
-    """Draws the chart of a linkage (a row per quantity) or of all motions (a row per motion).
-
-    Args:
-        points: Points of a linkage, or of all motions.
-        title: Title of the picture.
-        files: The files, replaced if they exist.
-    """
+    """Draws the chart of a linkage (a row per quantity) or of all motions (a row per motion)."""
     grid = _OF_LINKAGE if points[0]['quantity'] in QUANTITIES else _OF_MOTIONS
     measured = {point['method'] for point in points}
     methods = [method for method in grid.methods if method.name in measured]
@@ -367,13 +358,7 @@ def _rounded(values: Array, step: float) -> list[float]:
 
 
 def draw_follow(points: Sequence[dict[str, Any]], title: str, files: Sequence[Path]) -> None:
-    """Plots the torque error of a measured crank against the bandwidth, for each encoder.
-
-    Args:
-        points: The points from `_measure_follow`.
-        title: Title of the picture.
-        files: The files, replaced if they exist.
-    """
+    """Plots the torque error of a measured crank against the bandwidth, for each encoder."""
     with chart(files, 4.8, title) as figure:
         panels = figure.subplots(1, 2, sharey=True, sharex=True)
         for axes, velocity in zip(panels, (False, True), strict=True):

@@ -133,9 +133,6 @@ _COSTS = 'operations', 'microseconds', 'parameters'
 def economy(options: argparse.Namespace) -> None:
     """Omits each term at each speed, draws the errors, and writes the records.
 
-    Args:
-        options: Parsed command-line options.
-
     Raises:
         ConfigurationError: No speed is given, or a file cannot be written.
         MechanismError: The crank angle does not determine the motion, or no torque is needed.

@@ -25,9 +25,6 @@ _PERIOD_OPTIONS = 'acceleration', 'reactions', 'fluctuation'  # of `period_to_sh
 def motion(options: argparse.Namespace) -> None:
     """Draws one period of a mechanism, or of several mechanisms side by side; writes a table.
 
-    Args:
-        options: Parsed command-line options.
-
     Raises:
         ConfigurationError: A mechanism or an option is invalid, or a file cannot be written.
     """

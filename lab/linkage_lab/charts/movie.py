@@ -52,9 +52,6 @@ _PACES = 4  # slower, and faster, playing speeds on a page
 def movie(options: argparse.Namespace) -> None:
     """Shows the moving mechanism and its torque, as a film or as a page.
 
-    Args:
-        options: Parsed command-line options.
-
     Raises:
         ConfigurationError: The mechanism or the speed is invalid, the file's name does not end
             with .html, .gif or .mp4, ffmpeg is missing, or the file cannot be written.

@@ -53,9 +53,6 @@ STARTS: dict[str, dict[str, object]] = {
 def new(options: argparse.Namespace) -> None:
     """Prints a parameter file.
 
-    Args:
-        options: Parsed command-line options.
-
     Raises:
         ConfigurationError: The kind is unknown.
     """
@@ -69,9 +66,6 @@ def new(options: argparse.Namespace) -> None:
 
 def parameter_file(kind: str) -> str:
     """Writes a parameter file with all parameters of a mechanism and its usual drive.
-
-    Args:
-        kind: Kind of mechanism.
 
     Returns:
         YAML text. Those parameters that are not needed are commented out, with their defaults.

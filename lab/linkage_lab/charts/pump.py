@@ -61,9 +61,6 @@ _Colors: TypeAlias = dict[Piece, tuple[float, float, float]]
 def pump(options: argparse.Namespace) -> None:
     """Finds the steady states of a wind pump, draws them, and writes their numbers.
 
-    Args:
-        options: Parsed command-line options.
-
     Raises:
         ConfigurationError: The mechanism is not a wind pump, or a file cannot be written.
     """
@@ -248,14 +245,7 @@ def _mark(colors: _Colors, state: SteadyState) -> dict[str, Any]:
 
 
 def states_table(analysis: Analysis) -> list[str]:
-    """Formats the steady states, and the share of starts that reach none of them.
-
-    Args:
-        analysis: Analysis of a pump.
-
-    Returns:
-        Lines for a monospaced font.
-    """
+    """Formats the steady states, and the share of starts that reach none of them."""
     rows = (*_TABLE, *map(_cells, analysis.states))
     return [
         *(_CELLS.format(*row) for row in rows),

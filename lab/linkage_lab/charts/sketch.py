@@ -18,6 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 
+from linkage_lab.assemblies import choices
 from linkage_lab.charts.linkage_picture import NAME_STYLE, LinkagePicture
 from linkage_lab.output import (
     NUMBERS,
@@ -136,9 +137,6 @@ class Sketched:
 
 def sketch(options: argparse.Namespace) -> None:
     """Draws a mechanism with all names, and describes it in words.
-
-    Args:
-        options: Parsed command-line options.
 
     Raises:
         ConfigurationError: The mechanism or an option is invalid, or a file cannot be written.
@@ -282,7 +280,7 @@ def _kind(sketched: Sketched) -> Iterator[str]:
     added = f', and the dyad{plural} {"; ".join(dyads)}' if dyads else ''
     yield f'{sketched.design.mechanism_words}: {names}{added}'
     assemblies = [dyad.assembly_words for dyad in mechanism.dyads if dyad.has_assemblies]
-    if 'assembly' not in _unused(mechanism):
+    if len(choices(mechanism)[0]) > 1:
         assemblies.insert(0, f'loop {mechanism.assembly}')
     if assemblies:
         yield f'assemblies: {"; ".join(assemblies)}'
@@ -291,11 +289,6 @@ def _kind(sketched: Sketched) -> Iterator[str]:
     yield f'{free} degree{"s" if free > 1 else ""} of freedom; input: {driven.name}'
     if reach is not None:
         yield f'reach: {_reach(reach, driven)}'
-
-
-def _unused(mechanism: Any) -> dict[str, str]:
-    found: dict[str, str] = mechanism.unused({'input': getattr(mechanism, 'input', '')})
-    return found
 
 
 def _reach(reach: Any, driven: Any) -> str:

@@ -71,9 +71,6 @@ _SAID, _SAID_NARROW, _FEW, _CHARACTER = 42, 26, 3, 0.066
 def stability(options: argparse.Namespace) -> None:
     """Runs all methods in all situations, draws the outcomes, and writes the records.
 
-    Args:
-        options: Parsed command-line options.
-
     Raises:
         ConfigurationError: A file cannot be written.
     """
@@ -98,16 +95,7 @@ def heading(cases: int) -> str:
 
 
 def draw_stability(cells: Sequence[dict[str, Any]], title: str, files: Sequence[Path]) -> None:
-    """Draws all grids, one below the other.
-
-    Args:
-        cells: Cells of all grids.
-        title: Title of the picture.
-        files: The files, replaced if they exist.
-
-    Raises:
-        OSError: The picture cannot be written.
-    """
+    """Draws all grids, one below the other."""
     corners, bottom = _corners()
     height = bottom + _FOOT
     with chart(files, height, title, layout=None) as figure:

@@ -6,15 +6,11 @@ import argparse
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-from linkage_lab.output import (
-    load_pose,
-    new_file,
-    save_csv,
-)
+from linkage_lab.assemblies import choices, combined
+from linkage_lab.output import load_pose, new_file, save_csv
 from linkage_lab.period import SLIDING, TURNING
 from linkage_lab.sampling import without_loads
 from linkage_ros import ConfigurationError, LinkageError, Mechanism, Solver, State, cli
@@ -22,7 +18,6 @@ from linkage_ros.internals import STANDARD_OUTPUT, radians_per_second
 from linkage_ros.quantities import Angle
 
 _MOST, _TRIED = 16, 1024  # assemblies shown, and tried
-_ASSEMBLIES = 'open', 'crossed'
 _ONLY = 'one assembly'
 
 
@@ -57,9 +52,6 @@ class Snapshot(NamedTuple):
 
 def state(options: argparse.Namespace) -> None:
     """Prints and, with --csv, writes motion and forces at one position.
-
-    Args:
-        options: Parsed command-line options.
 
     Raises:
         ConfigurationError: The mechanism or an option is invalid.
@@ -166,37 +158,12 @@ def assemblies(mechanism: Mechanism) -> Iterator[tuple[str, Mechanism]]:
     Yields:
         The assemblies in words, and the mechanism.
     """
-    loop_choices = _loop_assemblies(mechanism)
-    dyad_choices = [
-        _own_first(dyad.assembly) if dyad.has_assemblies else [dyad.assembly]
-        for dyad in mechanism.dyads
-    ]
+    loop_choices, *dyad_choices = choices(mechanism)
     combinations = itertools.product(loop_choices, *dyad_choices)
-    for loop_assembly, *dyad_assemblies in itertools.islice(combinations, _TRIED):
-        dyads = tuple(
-            replace(dyad, assembly=assembly)
-            for dyad, assembly in zip(mechanism.dyads, dyad_assemblies, strict=True)
-        )
-        words = [loop_assembly] if len(loop_choices) > 1 else []
+    for loop, *dyads in itertools.islice(combinations, _TRIED):
+        words = [loop.assembly] if len(loop_choices) > 1 else []
         words += [dyad.assembly_words for dyad in dyads if dyad.has_assemblies]
-        yield (
-            ', '.join(words) or _ONLY,
-            replace(cast('Any', mechanism), assembly=loop_assembly, dyads=dyads),
-        )
-
-
-def _loop_assemblies(mechanism: Mechanism) -> list[str]:
-    """Returns the names of the assemblies that the loop has, its own first."""
-    # An inverted slider-crank with a driven crank has one assembly, so its parameter is unused.
-    # Only the input decides that.
-    unused = mechanism.unused({'input': getattr(mechanism, 'input', '')})
-    if 'assembly' in unused:
-        return [mechanism.assembly]
-    return _own_first(mechanism.assembly)
-
-
-def _own_first(own: str) -> list[str]:
-    return sorted(_ASSEMBLIES, key=lambda assembly: assembly != own)
+        yield ', '.join(words) or _ONLY, combined([loop, *dyads])
 
 
 def _snapshot(

@@ -45,9 +45,6 @@ _LOOKS: dict[str, dict[str, Any]] = {
 def sweep(options: argparse.Namespace) -> None:
     """Measures the designs of a study, writes their table, and draws their Pareto front.
 
-    Args:
-        options: Parsed command-line options.
-
     Raises:
         ConfigurationError: The study, the cluster or a file cannot be used, or no design meets
             all constraints.

@@ -108,9 +108,6 @@ def _between(
 def follow(seed: PeriodicMotion) -> list[Piece]:
     """Follows the curve through a motion in both directions.
 
-    Args:
-        seed: Motion from which the curve is followed.
-
     Returns:
         The pieces of the curve, in order.
     """

@@ -46,12 +46,6 @@ _LAYER = 1e-9  # m, distance along the normal that is worth a line
 def read_robot(path: Path) -> Robot:
     """Reads a robot model; the root element determines the format.
 
-    Args:
-        path: Path of a URDF, SDF or MJCF file.
-
-    Returns:
-        The robot.
-
     Raises:
         ConfigurationError: The file cannot be read, has another format, invalid values or too
             many parts.
@@ -81,15 +75,7 @@ def read_robot(path: Path) -> Robot:
 
 
 def parameter_text(found: RobotDrawing, source: str) -> str:
-    """Formats the parameter file of the linkage of a robot.
-
-    Args:
-        found: The linkage.
-        source: Name of the model, for the comment.
-
-    Returns:
-        The YAML text.
-    """
+    """Formats the parameter file of the linkage of a robot."""
     return _file(source, _lines(_tree({'drive': 'follow', **file_values(found)}), '    '))
 
 
@@ -240,9 +226,6 @@ def _named(links: Sequence[str]) -> str:
 
 def import_robot(options: argparse.Namespace) -> None:
     """Writes the parameter file and prints what was found.
-
-    Args:
-        options: Parsed options of the command.
 
     Raises:
         ConfigurationError: The model cannot be read or imported, or the file cannot be written.

@@ -99,13 +99,6 @@ class Loops(NamedTuple):
 def find_loops(robot: Robot, request: Request) -> Loops:
     """Finds the loops that move with a joint.
 
-    Args:
-        robot: The robot.
-        request: Specification of the import.
-
-    Returns:
-        The loops.
-
     Raises:
         ConfigurationError: A name is unknown, or there is no loop of the joint.
     """

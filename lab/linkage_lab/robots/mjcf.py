@@ -51,9 +51,6 @@ _LEFT_OUT = 'armature', 'damping', 'dampingpoly', 'frictionloss', 'stiffness', '
 def read_mjcf(path: Path) -> Robot:
     """Reads bodies, joints, sites as links without mass, and connect and weld constraints.
 
-    Args:
-        path: Path of the file.
-
     Returns:
         The robot, whose root is the world.
 
@@ -73,13 +70,6 @@ def read_mjcf(path: Path) -> Robot:
 
 def _compiled(spec: Any, folders: Iterable[Path]) -> Any:
     """Compiles a model without parts that may be large and do not change its mechanics.
-
-    Args:
-        spec: The model.
-        folders: Folders of its files.
-
-    Returns:
-        The compiled model.
 
     Raises:
         ConfigurationError: It has too many bodies, or meshes that are too many or too large.

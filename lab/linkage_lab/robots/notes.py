@@ -20,12 +20,7 @@ def notes_of(
 ) -> Iterator[str]:
     """Yields sentences about probably wrong values and omitted properties of a robot.
 
-    Args:
-        loops: The loops.
-        plane: Their plane.
-        values: Joint values of the given pose.
-        names: Names of the links in the drawing, by number of the body.
-        joints: The robot's joint of each link.
+    `names` are those of the links in the drawing, by number of the body.
     """
     for joint in loops.robot.joints:
         value = values.get(joint.name, 0.0)

@@ -14,14 +14,13 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from linkage_lab.assemblies import choices, combined
 from linkage_lab.robots.artist import Artist, Drawn, point_of, position_of, tidy, to_digits
 from linkage_lab.robots.loops import Request, find_loops
 from linkage_lab.robots.model import Robot
 from linkage_lab.robots.notes import notes_of
 from linkage_lab.robots.plane import FRAME, JointMap, Plane, Step
 from linkage_ros import (
-    CROSSED,
-    OPEN,
     ConfigurationError,
     FourBar,
     LinkageError,
@@ -90,13 +89,6 @@ class RobotDrawing(NamedTuple):
 
 def draw_robot(robot: Robot, request: Request) -> RobotDrawing:
     """Draws the loops of a robot that move with its driven joint.
-
-    Args:
-        robot: The robot.
-        request: Specification of the import.
-
-    Returns:
-        The drawing, with its joints and bodies.
 
     Raises:
         ConfigurationError: A name is unknown, there is no such loop, it cannot be a linkage, or
@@ -373,23 +365,15 @@ class _Poser:
 
 def _assemblies(mechanism: Mechanism) -> Iterator[Mechanism]:
     """Yields a mechanism in each of its assemblies; of many dyads, with one changed at most."""
-    parts: tuple[Any, ...] = (mechanism, *mechanism.dyads)
-    choices = list[list[Any]]()  # each part in its own and, if it has one, its other assembly
-    for part in parts:
-        choices.append([part])
-        with suppress(ConfigurationError):  # some have one assembly
-            other = CROSSED if part.assembly == OPEN else OPEN
-            choices[-1].append(replace(part, assembly=other))
-    has_few = len(parts) <= _MOST
-    for chosen in itertools.product(*choices) if has_few else _changed_once(choices):
-        base, *dyads = chosen
-        yield replace(base, dyads=tuple(dyads))
+    lists = choices(mechanism)
+    has_few = len(lists) <= _MOST
+    yield from map(combined, itertools.product(*lists) if has_few else _changed_once(lists))
 
 
-def _changed_once(choices: list[list[Any]]) -> Iterator[list[Any]]:
+def _changed_once(lists: list[list[Any]]) -> Iterator[list[Any]]:
     """Yields the first of each list, and then all with one replaced by the second."""
-    first = [options[0] for options in choices]
+    first = [options[0] for options in lists]
     yield first
-    for i, options in enumerate(choices):
+    for i, options in enumerate(lists):
         for other in options[1:]:
             yield [*first[:i], other, *first[i + 1 :]]

@@ -55,9 +55,6 @@ _OLDEST = 1, 5  # before, axes are those of the model
 def read_sdf(root: ET.Element) -> Robot:
     """Reads the only model: links, frames as links without mass, and joints.
 
-    Args:
-        root: The element <sdf>.
-
     Returns:
         The robot, whose root has the world's axes.
 

@@ -51,12 +51,6 @@ _MOMENTS = 'ixx', 'iyy', 'izz'
 def read_urdf(root: ET.Element) -> Robot:
     """Reads links and joints; limits, dynamics and visuals are ignored.
 
-    Args:
-        root: The element <robot>.
-
-    Returns:
-        The robot.
-
     Raises:
         ConfigurationError: The file has unexpanded macros or invalid values, or is not one tree.
     """

@@ -101,12 +101,6 @@ class Study(NamedTuple):
 def read_study(path: str) -> Study:
     """Reads a study and chooses its designs.
 
-    Args:
-        path: Path of the file.
-
-    Returns:
-        The study.
-
     Raises:
         ConfigurationError: The study is invalid; the message names valid input.
     """
