@@ -13,7 +13,7 @@ import sys
 import textwrap
 import time
 from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError
@@ -42,22 +42,12 @@ from linkage_lab.sweep.spread import cluster, processes, spread
 from linkage_lab.sweep.study import Settings, _designs, _prescribed_motion, parameters
 from linkage_ros import (
     Body,
-    Coupler,
-    Force,
-    FourBar,
     Frame,
-    Gas,
     InvertedSliderCrank,
-    LinkLoad,
     LoadCurve,
-    Pins,
-    Slider,
-    SliderCrank,
-    Spring,
 )
 from linkage_ros.errors import (
     ConfigurationError,
-    LinkageError,
     MechanismError,
     UnreachableError,
 )
@@ -70,43 +60,6 @@ from linkage_ros.units import radians_per_second
 
 RPM = 150.0
 SPEED = radians_per_second(RPM)
-LENGTHS = {
-    'quadrilateral': ('crank.length', 'coupler.length', 'rocker.length', 'frame.length',
-                      'frame.angle', 'coupler.mass', 'coupler.center.0', 'gravity.1'),
-    'slider_crank': ('crank.length', 'coupler.length', 'slider.offset', 'slider.mass',
-                     'coupler.inertia', 'coupler.mass'),
-    'shaper': ('frame.length', 'crank.length', 'offset', 'barrel.mass', 'frame.angle', 'rod.mass'),
-}  # fmt: skip
-
-
-OUTPUTS = {'quadrilateral': 'rocker', 'slider_crank': 'slider', 'shaper': 'rod'}
-OVER_THE_CRANK = LoadCurve('crank', at=(0.5, 3.0, 9.0), value=(4.0, -3.0, 8.0))
-
-
-def loads_of(preset, kinds):
-    """Returns loads whose values are all numbers, or curves; None if there are none."""
-    link, slides = OUTPUTS[preset], preset != 'quadrilateral'
-    return {
-        None: (),
-        'numbers': (
-            LinkLoad(link, 3.0, 0.7), Pins(0.3), Force('crank', (3.0, -5.0), (0.02, 0.01)),
-            *([Gas(link, 0.02, 0.1, 1e5)] if slides else []),
-        ),
-        'curves': (
-            OVER_THE_CRANK, Spring('crank', (0.02, 0.01), 'frame', (0.4, 0.3), 80.0, 0.1),
-            *([LoadCurve(link, 'crank_angle_from_tdc', (0.0, 1.0, 4.0), (5.0, -9.0, 7.0))]
-              if slides else
-              [LoadCurve(link, 'position', (-9.0, 0.5, 0.9, 9.0), (9.0, 9.0, -4.0, -4.0))]),
-        ),
-    }[kinds]  # fmt: skip
-
-
-def drawn(preset, count, seed=0, kinds=None):
-    """Returns a mechanism, and random values in wide ranges for some of its parameters."""
-    mechanism = replace(load(preset).mechanism, dyads=(), loads=loads_of(preset, kinds))
-    base = {leaf.name: leaf.default or 0.1 for leaf in parameters(mechanism, None)}
-    shares = np.random.default_rng(seed).uniform(0.5, 1.6, (count, len(LENGTHS[preset])))
-    return mechanism, LENGTHS[preset], shares * [base[name] for name in LENGTHS[preset]]
 
 
 def peak(x, curve):
@@ -133,66 +86,16 @@ def changed(mechanism, names, row):
     return build(type(mechanism), with_values(flatten(mechanism), given))
 
 
-def solver_of(mechanism, names, row):
-    """Creates the solver of one design; None if its crank cannot turn, or a load does not fit."""
-    try:
-        solver = Solver(changed(mechanism, names, row))
-    except (MechanismError, ConfigurationError):
-        return None
-    return solver if solver.reach.turns_fully else None
-
-
-KINDS = None, 'numbers', 'curves'
-
-
-# The expected distance is that of many samples.
-DIGITS = {'time_ratio': 1e-14, 'point_distance': 1e-8}
-
-
-def expected_measures(solver, angles, points):
-    """Computes the measures of a solver, by name."""
-    crank = samples(solver, SPEED, angles)
-    names = 'peak_torque', 'rms_torque', 'shaking_force'
-    found = dict(zip(names, efforts(solver, crank, lambda x: (x, SPEED)), strict=True))
-    moved = travel(solver)
-    way = moved.extremes[1] - moved.extremes[0] if moved.extremes else math.nan
-    found |= {
-        'stroke' if moved.slides else 'swing': way if moved.slides else math.degrees(way),
-        'time_ratio': moved.time_ratio or math.nan,
-    }
-    if solver.reach.transmission:
-        low, high = solver.reach.transmission
-        found['transmission_angle'] = math.degrees(min(low, math.pi - high))
-    for name in solver.structure.traced:
-        x, y = solver.point(solver.state(np.linspace(0, 2 * math.pi, 100001)), name).position
-        found['point_distance'] = max(np.abs(x + 1j * y - point).min() for point in points)
-    return found
-
-
-@pytest.mark.parametrize('kinds', KINDS)
-@pytest.mark.parametrize('preset', LENGTHS)
-def test_measures_match_the_solver(preset, kinds):
-    mechanism, names, table = drawn(preset, 16, seed=2, kinds=kinds)
-    points = (0.1 + 0.2j, -0.1 + 0.1j)
-    solvers = [solver_of(mechanism, names, row) for row in table]
-    expected = [expected_measures(x, 360, points) if x else None for x in solvers]
-    measures = next(tuple(x) for x in expected if x)
-    found = measured(
-        Task(mechanism, RPM, names, measures, 360, points, None, 'coupler_point'), table
-    )
-    assert (found[:, 0] == TURNS).tolist() == [x is not None for x in solvers]
-    assert 5 < sum(found[:, 0] == TURNS) < 16
-    for row, wanted in zip(found[:, 1:], expected, strict=True):
-        if wanted is None:
-            assert np.isnan(row).all()
-            continue
-        for name, value in zip(measures, row, strict=True):
-            digits = DIGITS.get(name, 1e-12)
-            assert value == pytest.approx(wanted[name], rel=digits, nan_ok=True), name
-
-
+# A load that acts only in the second of two turns.
+TWO_TURNS = [0.0, *(math.tau + x for x in (0.0, 1.0, 2.0, math.tau))]
+FOUR_STROKE = {
+    'kind': 'curve', 'link': 'crank', 'at': TWO_TURNS, 'value': [0.0, 0.0, 900.0, 0.0, 0.0],
+}  # fmt: skip
 ALL_LOADS = {
     'slider_crank': {
+        'cycle': FOUR_STROKE,
+        'indicator': {'kind': 'curve', 'link': 'slider', 'over': 'crank_angle_from_tdc',
+                      'at': [0.0, 1.0, 4.0], 'value': [5.0, -9.0, 7.0]},
         'gas': {'kind': 'gas', 'link': 'slider', 'bore': 0.06, 'clearance': 0.05, 'inlet': 1e5,
                 'outlet': 3e5},
         'rubber': {'kind': 'link', 'link': 'slider', 'damping': 3.0, 'stiffness': 9.0},
@@ -202,10 +105,13 @@ ALL_LOADS = {
                    'to_at': [0.3, 0.3], 'stiffness': 80.0, 'free_length': 0.1, 'damping': 2.0},
         'push': {'kind': 'force', 'link': 'coupler', 'at': [0.1, 0.0], 'force': [3.0, -5.0]},
         'oil': {'kind': 'pins', 'damping': 0.02},
+        'stop': {'kind': 'link', 'link': 'rocker', 'stiffness': 5.0, 'rest': 1.0},
+        'cam': {'kind': 'curve', 'link': 'rocker', 'over': 'position',
+                'at': [-9.0, 0.5, 0.9, 9.0], 'value': [9.0, 9.0, -4.0, -4.0]},
     },
     'coupler_point': {},
     'shaper': {},
-    'watt': {},
+    'watt': {'cycle': FOUR_STROKE},
 }  # fmt: skip
 OWN_MEASURES = ('peak_torque', 'rms_torque', 'shaking_force', 'swing', 'stroke', 'time_ratio',
                 'transmission_angle')  # fmt: skip
@@ -272,33 +178,21 @@ def test_designs_equal_machines_of_their_own_parameter_files(preset, sign, tmp_p
 @pytest.mark.parametrize(
     ('preset', 'angles'), [('coupler_point', 24), *((x, 360) for x in ('watt', 'shaper'))]
 )
-def test_points_on_the_path_have_no_distance_from_it(preset, angles):
+def test_distance_from_a_path_is_that_of_many_samples_and_0_on_it(preset, angles):
     mechanism = traced(load(preset).mechanism)
     solver = Solver(mechanism)
-    cranks = np.random.default_rng(2).uniform(0, 7, 2).tolist()
+    names, row, beside = ('crank.length',), np.array([[mechanism.crank.length]]), 0.02 + 0.03j
     for point in mechanism.points:
-        for crank in cranks:
+        x, y = solver.point(solver.state(np.linspace(0, math.tau, 100_001)), point.name).position
+        for crank in np.random.default_rng(2).uniform(0, math.tau, 2).tolist():
             on_path = complex(*solver.point(solver.state(crank), point.name).position)
-            task = Task(
-                mechanism, None, ('crank.length',), ('point_distance',), angles, (on_path,), None,
-                point.name,
-            )  # fmt: skip
-            ((_, distance),) = measured(task, np.array([[mechanism.crank.length]]))
-            assert distance < 1e-14, point
-
-
-def test_reversals_exactly_at_a_sample_are_found():
-    """At 60 deg from the frame, and in line with the guide, a rate may be exactly 0."""
-    slider = SliderCrank(Body(0.1), Coupler(0.3), Slider())
-    bar = FourBar(Frame(2.0), Body(0.5), Coupler(1.5), Body(2.0))
-    angles = np.radians(np.arange(-360, 360) / 2)[:, None]
-    for mechanism, name in ((slider, 'stroke'), (bar, 'swing')):
-        task = Task(mechanism, None, ('frame.angle',), (name, 'time_ratio'), 360)
-        _, way, ratio = measured(task, angles).T
-        wanted = travel(Solver(mechanism))
-        span = np.ptp(wanted.extremes)
-        assert way == pytest.approx(span if wanted.slides else math.degrees(span), rel=1e-13)
-        assert ratio == pytest.approx(wanted.time_ratio, rel=1e-7)
+            for place, close in ((on_path, 1e-14), (on_path + beside, 1e-7)):
+                task = Task(
+                    mechanism, None, names, ('point_distance',), angles, (place,), None, point.name
+                )
+                ((_, distance),) = measured(task, row)
+                expected = np.abs(x + 1j * y - place).min() if place != on_path else 0.0
+                assert distance == pytest.approx(expected, abs=close), point
 
 
 def test_designs_with_change_points_have_the_torques_and_forces_of_their_charts():
@@ -309,22 +203,11 @@ def test_designs_with_change_points_have_the_torques_and_forces_of_their_charts(
     found = measured(Task(mechanism, RPM, names, ('peak_torque', 'shaking_force'), 720), table)
     for row, (state, *values) in zip(table, found, strict=True):
         assert state == TURNS
-        machine = solver_of(mechanism, names, row).mechanism
-        right = _measures(speed_driven_period(machine, SPEED, reactions=True))
+        right = _measures(
+            speed_driven_period(changed(mechanism, names, row), SPEED, reactions=True)
+        )
         expected = right['peak torque [N m]'], right['peak shaking force [N]']
         assert values == pytest.approx(expected, rel=1e-9)
-
-
-def test_springs_on_rockers_are_computed_design_by_design():
-    """The middle of a swing can be computed only for floats."""
-    mechanism = load('quadrilateral').mechanism
-    mechanism = replace(mechanism, loads=(LinkLoad('rocker', rest=1.0, name='a'),))
-    names, table = ('coupler.length', 'loads.a.stiffness'), np.array([[0.3, 4.0], [0.31, 5.0]])
-    found = measured(Task(mechanism, RPM, names, ('peak_torque',), 36), table)
-    for row, (_, torque) in zip(table, found, strict=True):
-        solver = solver_of(mechanism, names, row)
-        expected = expected_measures(solver, 36, [0j])['peak_torque']
-        assert torque == pytest.approx(expected, rel=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -407,7 +290,10 @@ def swung(solver, low, high):
 
 @pytest.mark.parametrize('law', [True, False])
 def test_measures_within_an_arc_match_the_solver(law):
-    mechanism, names, table = drawn('quadrilateral', 60, seed=4)
+    mechanism = load('quadrilateral').mechanism
+    names = 'crank.length', 'coupler.length', 'rocker.length', 'frame.length', 'coupler.mass'
+    base = [flatten(mechanism)[name] for name in names]
+    table = np.random.default_rng(4).uniform(0.5, 1.6, (60, len(names))) * base
     settings = {'times': (0.0, 0.4, 1.0), 'angles': (0.5, 2.0, 1.0)}
     drive = LawDrive(Prescribed(**settings))
     chosen = Settings('quadrilateral', angles=48, **({} if law else {'swing': (0.5, 2.0)}))
@@ -515,45 +401,9 @@ def test_a_speed_of_another_joint_gives_one_line(run, old, new, words):
     assert words in errors
 
 
-def test_torque_over_both_turns_of_a_four_stroke_load():
-    """The load acts only in the second turn, in which the motion repeats that of the first."""
-    at = (0.0, *(math.tau + x for x in (0.0, 1.0, 2.0, math.tau)))
-    load_curve = LoadCurve(
-        link='crank', over='crank_angle', at=at, value=(0.0, 0.0, 900.0, 0.0, 0.0)
-    )
-    mechanism = replace(load('slider_crank').mechanism, loads=(load_curve,))
-    crank = samples(Solver(mechanism), SPEED, 360)
-    state = Solver(mechanism).state(crank, radians_per_second(RPM))
-    expected = (
-        peak(crank, lambda x: Solver(mechanism).torque(x, SPEED)),
-        math.sqrt(mean(crank, state.torque**2)),
-        travel(Solver(mechanism)).time_ratio,
-    )
-    measures = 'peak_torque', 'rms_torque', 'time_ratio'
-    task = Task(mechanism, RPM, ('coupler.mass',), measures, 360)
-    found = measured(task, np.array([[mechanism.coupler.mass]]))
-    assert np.abs(state.torque[crank < math.tau]).max() < 0.9 * expected[0]
-    assert found[0] == pytest.approx([TURNS, *expected], rel=1e-9)
-
-
-TWO_TURNS = (0.0, *(math.tau + x for x in (0.0, 1.0, 2.0, math.tau)))
-SECOND_TURN = LoadCurve('crank', 'crank_angle', at=TWO_TURNS, value=(0.0, 0.0, 900.0, 0.0, 0.0))
-
-
-def test_a_load_of_two_turns_leaves_the_motion_of_a_six_bar_as_it_is():
-    mechanism = replace(load('watt').mechanism, loads=(SECOND_TURN,))
-    measures = 'shaking_force', 'stroke', 'time_ratio', 'peak_torque'
-    task = Task(mechanism, 60.0, ('crank.mass',), measures, 90)
-    ((outcome, force, stroke, ratio, torque),) = measured(task, np.array([[1.0]]))
-    bare = replace(mechanism, loads=())
-    ((_, _, *expected, least),) = measured(task._replace(mechanism=bare), np.array([[1.0]]))
-    assert outcome == TURNS
-    assert [stroke, ratio] == pytest.approx(expected, rel=1e-12, nan_ok=True)
-    assert math.isfinite(force)
-    assert torque > 1.5 * least
-
-
-@pytest.mark.parametrize('loads', [(), (SECOND_TURN,)])
+@pytest.mark.parametrize(
+    'loads', [(), (LoadCurve('crank', at=TWO_TURNS, value=FOUR_STROKE['value']),)]
+)
 def test_an_output_that_turns_fully_along_a_law_has_no_swing(loads):
     """The barrel turns with a crank that is longer than the frame."""
     mechanism = InvertedSliderCrank(Frame(0.1), Body(0.3, 1.0), loads=loads)
@@ -567,18 +417,6 @@ def test_an_output_that_turns_fully_along_a_law_has_no_swing(loads):
         assert outcome == TURNS
         assert math.isnan(swing)
         assert (torque > 400) == bool(loads)
-
-
-def test_peaks_against_valves_do_not_depend_on_the_sense_of_rotation():
-    """Without offset and gravity, the machine is its own mirror image."""
-    gas = Gas('slider', 0.06, 0.005, 1e5, outlet=6e5)
-    mechanism = SliderCrank(
-        Body(0.05, 0.5), Coupler(0.15, 0.5), Slider(mass=0.4), gravity=(0.0, 0.0), loads=(gas,)
-    )
-    table = np.array([[200.0], [-200.0]])
-    measures = 'peak_torque', 'rms_torque', 'shaking_force'
-    found = measured(Task(mechanism, 200.0, ('rpm',), measures, 360), table)
-    assert found[0] == pytest.approx(found[1], rel=1e-12)
 
 
 def test_a_study_varies_the_numbers_of_a_drawing(run):
@@ -629,27 +467,6 @@ def test_a_study_of_a_limited_crank_has_a_swing(run):
         code, _, errors = run(f'{study}{line}\n')
         assert (code, errors.count('\n')) == (2, 1)
         assert words in errors
-
-
-SPRUNG = """
-/**:
-  ros__parameters:
-    mechanism: four_bar
-    rpm: 60.0
-    frame: {length: 0.3}
-    crank: {length: 0.1}
-    coupler: {length: 0.4}
-    rocker: {length: 0.5}
-    loads: {spring: {kind: link, link: rocker, stiffness: 5.0}}
-"""
-SPRUNG_STUDY = """
-base: sprung.yaml
-designs: 60
-ranges:
-  frame.length: [0.05, 0.5]
-  crank.length: [0.05, 0.6]
-measures: [peak_torque]
-"""
 
 
 @pytest.fixture
@@ -736,27 +553,6 @@ def check_words(words, table):
     assert Path('study.png').read_bytes().startswith(b'\x89PNG')
 
 
-def test_designs_whose_spring_does_not_fit_are_counted_apart(run):
-    """A spring does not fit a rocker that turns fully, although the crank turns as well."""
-    Path('sprung.yaml').write_text(SPRUNG)
-    mechanism, counts = load('sprung.yaml').mechanism, collections.Counter()
-    _, words, _ = run(SPRUNG_STUDY)
-    rows = np.genfromtxt('study.csv', delimiter=',', names=True, dtype=None, encoding='utf8')
-    for frame, crank, outcome in zip(
-        rows['framelength_m'], rows['cranklength_m'], rows['outcome'], strict=True
-    ):
-        bare = replace(mechanism, loads=(), frame=Frame(frame), crank=Body(crank))
-        if not Solver(bare).reach.turns_fully:
-            expected = 'cannot turn'
-        else:
-            is_fit = bare.grashof != 'double-crank'
-            expected = 'valid' if is_fit else 'a spring or load curve does not fit'
-        assert outcome == expected
-        counts[outcome] += 1
-    assert len(counts) == 3
-    assert all(f'{count} {outcome}' in words for outcome, count in counts.items())
-
-
 DYAD = """
 /**:
   ros__parameters:
@@ -768,29 +564,23 @@ DYAD = """
     rocker: {length: 0.3}
     dyads:
       ram: {from: rocker, from_at: [0.15, 0.0], first: {length: 0.3}, slider: {mass: 1.0}}
-    loads: {pull: {kind: link, link: ram_slider, force: -5.0}}
+    loads:
+      pull: {kind: link, link: ram_slider, force: -5.0}
+      spring: {kind: link, link: rocker, stiffness: 5.0}
 """
 
 
-def test_a_load_that_does_not_fit_a_design_with_a_dyad_is_refused(run):
-    """A rocker that turns fully has no middle of its swing, for a spring."""
-    Path('dyad.yaml').write_text(
-        DYAD.replace('loads: {', 'loads: {spring: {kind: link, link: rocker, stiffness: 5.0}, ')
-    )
+def test_designs_whose_spring_does_not_fit_are_counted_apart(run):
+    """A rocker that turns fully has no middle of its swing, for a spring; some dyads are short."""
+    Path('dyad.yaml').write_text(DYAD)
     study = 'base: dyad.yaml\ndesigns: 64\nmeasures: [peak_torque, stroke]\nranges:\n'
-    run(f'{study}  frame.length: [0.02, 0.42]\n  dyads.ram.first.length: [0.3, 2.0]\n')
+    run(f'{study}  frame.length: [0.02, 0.42]\n  dyads.ram.first.length: [0.05, 2.0]\n')
     rows = np.genfromtxt('study.csv', delimiter=',', names=True, dtype=None, encoding='utf8')
     counts = collections.Counter()
-    for row in rows:
-        text = (
-            Path('dyad.yaml')
-            .read_text()
-            .replace('frame: {length: 0.4}', f'frame: {{length: {row["framelength_m"]!r}}}')
-        )
-        text = text.replace(
-            'first: {length: 0.3}', f'first: {{length: {row["dyadsramfirstlength_m"]!r}}}'
-        )
-        Path('own.yaml').write_text(text.replace('np.float64(', '').replace(')}', '}'))
+    for _, frame, first, *_, outcome in rows.tolist():
+        text = DYAD.replace('frame: {length: 0.4}', f'frame: {{length: {frame!r}}}')
+        text = text.replace('first: {length: 0.3}', f'first: {{length: {first!r}}}')
+        Path('own.yaml').write_text(text)
         expected = 'valid'
         try:
             Solver(load('own.yaml').mechanism).reach.require_full_turn()
@@ -798,10 +588,10 @@ def test_a_load_that_does_not_fit_a_design_with_a_dyad_is_refused(run):
             expected = 'cannot turn'
         except ConfigurationError:
             expected = 'a spring or load curve does not fit'
-        assert row['outcome'] == expected
+        assert outcome == expected
         counts[expected] += 1
-    assert counts['a spring or load curve does not fit'] > 2
-    assert counts['valid'] > 2
+    assert min(counts.values()) > 2
+    assert len(counts) == 3
 
 
 SLIDER = """
@@ -916,26 +706,3 @@ def test_absent_scheduler_gives_one_line(run):
     code, _, errors = run(STUDY, '--scheduler', 'tcp://127.0.0.1:9')
     assert (code, errors.count('\n')) == (2, 1)
     assert 'tcp://127.0.0.1:9' in errors
-
-
-def test_designs_of_a_six_bar_match_the_solver():
-    """A dyad that does not close at some crank angle counts as a crank that cannot turn."""
-    names = 'dyads.ram.first.length', 'dyads.ram.from_at.0', 'crank.length'
-    rng = np.random.default_rng(1)
-    low, high = (0.05, 0.1, 0.05), (0.6, 0.4, 0.12)
-    table = rng.uniform(low, high, (30, 3))
-    mechanism = replace(load('watt').mechanism, loads=())
-    found = measured(Task(mechanism, 60.0, names, ('peak_torque', 'stroke'), 90), table)
-    turning = 0
-    for (outcome, torque, stroke), row in zip(found, table, strict=True):
-        with suppress(LinkageError):
-            solver = Solver(changed(mechanism, names, row))
-            low, high = travel(solver).extremes
-            turning += 1
-            assert outcome == TURNS
-            crank = samples(solver, SPEED, 90)
-            expected = peak(crank, lambda x, solver=solver: solver.torque(x, math.tau))
-            assert torque == pytest.approx(expected, rel=1e-12)
-            assert stroke == pytest.approx(high - low, rel=1e-9)
-    assert 5 < turning < 25
-    assert np.sum(found[:, 0] == TURNS) == turning
