@@ -18,7 +18,6 @@ import pytest
 from mechanisms import MOVING_GUIDES, load_values, traced
 from one_linkage import with_linkage
 from pages import block, read, run_python
-from ros_harness import assert_refused
 from test_mujoco import slipped
 
 from linkage_lab import export
@@ -356,24 +355,6 @@ def test_error_of_one_percent_in_any_number_is_detected(name):
     right, _ = run(configuration, 0.1)
     wrong, _ = run(configuration, 0.1, told)
     assert wrong > 10 * right
-
-
-@pytest.mark.parametrize(
-    ('words', 'said'),
-    [
-        (('quadrilateral', 'linkage.xml'), 'linkage.xml already exists: '),
-        (('quadrilateral', 'no/way/a.xml'), 'a.xml cannot be written: there is no folder no'),
-        (('quadrilateral', 'a.xml', '--joint-prefix', 'a b'), "joint_prefix = 'a b'"),
-        (('triangle', 'a.xml'), "no preset 'triangle': choose one of"),
-        (('quadrilateral', 'quadrilateral.yaml', '--overwrite'), 'must end with .xml'),
-    ],
-)
-def test_failed_export_gives_one_line(tmp_path, monkeypatch, called, words, said):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / 'linkage.xml').write_text('mine')
-    assert_refused(*called(export, 'mjcf', *words), re.escape(said))
-    assert [path.name for path in tmp_path.iterdir()] == ['linkage.xml']
-    assert (tmp_path / 'linkage.xml').read_text() == 'mine'
 
 
 def test_the_program_of_the_page_turns_the_crank(tmp_path, monkeypatch, called, capfd):

@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from pages import ROOT, page_files, read
 from scipy.interpolate import CubicSpline
-from transforms import mirrored
 
 from linkage_lab import command_line, flywheel
 from linkage_lab.charts.economy import POINT_MASSES, Economy, handover
@@ -40,8 +39,6 @@ from linkage_ros import (
     Solver,
 )
 from linkage_ros.errors import ConfigurationError, MechanismError
-from linkage_ros.formulas import Opaque, require, sin
-from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.steps import AdaptiveSteps
 from linkage_ros.motion.under_torque import Motor
@@ -211,17 +208,6 @@ def test_a_table_is_linear_between_its_nodes():
     assert nodes == pytest.approx([0.0, 1.0, 5.0, -2.0, 0.0, 1.0], abs=1e-12)
     assert table(0.25 * math.pi, 0.0)[0] == pytest.approx(2.0)
     assert table(3.5 * math.pi, 0.0)[0] == pytest.approx(0.5)  # halfway to the next period
-
-
-def counted(constants, x, y):
-    require(x < 9.0, constants[0], x)
-    return (-1.5 * x + sin(2.0 * y) / (y * (constants[1] * constants[1])),)
-
-
-def test_operations_are_counted():
-    """Terms of constants alone are computed once, and do not count."""
-    program = Program(counted, Constants((Opaque(print), 3.0)), ('x', 'y'))
-    assert program.tape.operations == 7
 
 
 def test_costs_belong_to_their_models(savings):
@@ -484,27 +470,6 @@ def test_flywheel_is_the_same_in_both_directions():
     assert found == pytest.approx([found[0]] * 3, rel=1e-9)
     mechanism = with_crank_inertia(mechanism, 1.6)
     assert Crank(mechanism).inertia_for(0.02, 15.0) == 0.0
-
-
-def test_mirrored_mechanism_at_negative_speed_has_the_mirrored_flywheel():
-    """Almost at a change point; test_exact_tables.py mirrors loads with corners."""
-    speed, mechanism = (
-        10.0,
-        FourBar(
-            Frame(0.3, 1.0),
-            Body(0.1, 1.0, 0.01, (0.05, 0.0)),
-            Coupler(0.3, 2.0, 0.02, (0.15, 0.0)),
-            Body(0.10005, 1.0, 0.01, (0.05, 0.0)),
-            loads=(LinkLoad('rocker', damping=0.2),),
-        ),
-    )
-    crank, other = Crank(mechanism), Crank(mirrored(mechanism))
-    added = crank.inertia_for(0.02, speed)
-    assert added > 0
-    assert other.inertia_for(0.02, -speed) == pytest.approx(added, rel=1e-8)
-    cycles = crank.cycle(speed, added), other.cycle(-speed, added)
-    assert cycles[1].torque.mean() == pytest.approx(-cycles[0].torque.mean(), rel=1e-8)
-    check_balance(mechanism, cycles[0])
 
 
 def test_no_cycle_without_inertia_or_at_too_low_a_speed():
