@@ -20,17 +20,7 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-from harness import (
-    DOMAIN,
-    Diagnostics,
-    Process,
-    finish,
-    node,
-    options,
-    running,
-    wait_for,
-    words,
-)
+from harness import DOMAIN, Diagnostics, Process, finish, node, options, running, wait_for, words
 from realtime import SETTLE
 
 RATE = 1000.0  # Hz

@@ -21,15 +21,7 @@ from linkage_lab.sampling import (
     with_breaks,
     without_loads,
 )
-from linkage_ros import (
-    ConfigurationError,
-    Mechanism,
-    Solver,
-    State,
-    Travel,
-    WindPump,
-    travel,
-)
+from linkage_ros import ConfigurationError, Mechanism, Solver, State, Travel, WindPump, travel
 from linkage_ros.formulas import Array
 from linkage_ros.internals import Drawing, radians_per_second, without_turns
 from linkage_ros.palette import colors_of

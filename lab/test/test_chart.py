@@ -41,14 +41,7 @@ from linkage_lab.period import (
     speed_driven_period,
 )
 from linkage_lab.pump.analysis import settle
-from linkage_ros import (
-    Body,
-    Coupler,
-    Dyad,
-    FourBar,
-    Frame,
-    Solver,
-)
+from linkage_ros import Body, Coupler, Dyad, FourBar, Frame, Solver
 from linkage_ros.mechanism.travel import travel
 from linkage_ros.motion.drives.follow import FollowDrive
 from linkage_ros.settings.configuration import load

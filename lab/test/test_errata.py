@@ -9,16 +9,7 @@ import pytest
 from pages import read
 
 from linkage_lab.period import speed_driven_period
-from linkage_ros import (
-    Body,
-    Coupler,
-    FourBar,
-    Frame,
-    Guide,
-    Slider,
-    SliderCrank,
-    Solver,
-)
+from linkage_ros import Body, Coupler, FourBar, Frame, Guide, Slider, SliderCrank, Solver
 from linkage_ros.settings.configuration import load
 from linkage_ros.units import radians_per_second
 

@@ -18,14 +18,7 @@ from test_methods import slope
 from linkage_lab.methods import registry, situations
 from linkage_lab.methods.integrators import Multipliers, OfPackage
 from linkage_lab.methods.measure import attempt
-from linkage_lab.methods.motion_cases import (
-    ENERGY,
-    LOOP,
-    MEAN,
-    TRAJECTORY,
-    MotionCase,
-    even,
-)
+from linkage_lab.methods.motion_cases import ENERGY, LOOP, MEAN, TRAJECTORY, MotionCase, even
 from linkage_lab.reference import motions
 from linkage_lab.reference.motions import (
     InitialValueProblem,
@@ -35,11 +28,7 @@ from linkage_lab.reference.motions import (
     free_pump,
 )
 from linkage_lab.reference.multibody import eliminate
-from linkage_ros.motion.steps import (
-    StiffSteps,
-    live_steps,
-    record_steps,
-)
+from linkage_ros.motion.steps import StiffSteps, live_steps, record_steps
 from linkage_ros.numeric import with_turns
 
 # ---------------------------------------------------------------- integrators of the charts

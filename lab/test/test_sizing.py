@@ -27,17 +27,7 @@ from linkage_lab.torque_models import (
     with_point_masses,
     without,
 )
-from linkage_ros import (
-    Body,
-    Coupler,
-    FourBar,
-    Frame,
-    Guide,
-    LinkLoad,
-    Slider,
-    SliderCrank,
-    Solver,
-)
+from linkage_ros import Body, Coupler, FourBar, Frame, Guide, LinkLoad, Slider, SliderCrank, Solver
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.steps import AdaptiveSteps

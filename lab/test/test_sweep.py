@@ -40,17 +40,8 @@ from linkage_lab.sweep.designs import CANNOT_TURN, TURNS, measured, with_values
 from linkage_lab.sweep.measures import MEASURES, Task
 from linkage_lab.sweep.spread import cluster, processes, spread
 from linkage_lab.sweep.study import Settings, _designs, _prescribed_motion, parameters
-from linkage_ros import (
-    Body,
-    Frame,
-    InvertedSliderCrank,
-    LoadCurve,
-)
-from linkage_ros.errors import (
-    ConfigurationError,
-    MechanismError,
-    UnreachableError,
-)
+from linkage_ros import Body, Frame, InvertedSliderCrank, LoadCurve
+from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.travel import travel
 from linkage_ros.motion.drives.law import LawDrive, Prescribed

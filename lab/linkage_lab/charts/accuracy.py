@@ -29,15 +29,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from linkage_lab.methods.integrators import OfPackage
 from linkage_lab.methods.linkage_cases import NEAR, linkages
-from linkage_lab.methods.measure import (
-    BATCH,
-    LIMIT,
-    ONE,
-    Method,
-    Point,
-    label,
-    measure_accuracy,
-)
+from linkage_lab.methods.measure import BATCH, LIMIT, ONE, Method, Point, label, measure_accuracy
 from linkage_lab.methods.motion_cases import ENERGY, MEAN, SLOWEST, TRAJECTORY, motions
 from linkage_lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_lab.methods.stages import QUANTITIES

@@ -14,14 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from linkage_lab.charts.curves import (
-    DESIGN_COLORS,
-    Curve,
-    Panel,
-    compared,
-    only_in_table,
-    panels,
-)
+from linkage_lab.charts.curves import DESIGN_COLORS, Curve, Panel, compared, only_in_table, panels
 from linkage_lab.charts.linkage_picture import WIDE, proportion
 from linkage_lab.charts.sketch import Sketched, draw_sketch
 from linkage_lab.output import (

@@ -21,16 +21,7 @@ from PIL import Image
 from linkage_lab.charts.linkage_picture import NAME_STYLE, LinkagePicture, proportion
 from linkage_lab.charts.sketch import SPRING_STYLE, spring_lines
 from linkage_lab.movie_page import movie_page
-from linkage_lab.output import (
-    STYLE,
-    TEXT,
-    doubts,
-    new_file,
-    over,
-    progress,
-    saved,
-    shown_range,
-)
+from linkage_lab.output import STYLE, TEXT, doubts, new_file, over, progress, saved, shown_range
 from linkage_lab.period import Period, period_to_show
 from linkage_ros import ConfigurationError, cli, load
 from linkage_ros.palette import DARK, fractions

@@ -34,15 +34,7 @@ from linkage_lab.output import (
 )
 from linkage_lab.period import Period, law_samples
 from linkage_lab.sampling import without_loads
-from linkage_ros import (
-    ConfigurationError,
-    Force,
-    Solver,
-    Spring,
-    State,
-    UnreachableError,
-    cli,
-)
+from linkage_ros import ConfigurationError, Force, Solver, Spring, State, UnreachableError, cli
 from linkage_ros.extensions import LOADS
 from linkage_ros.formulas import Array
 from linkage_ros.internals import FRAME, UNITS, Drawing, axes_of, radians_per_second

@@ -12,13 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from linkage_lab.output import (
-    chart,
-    doubts,
-    new_file,
-    pictures,
-    save_csv,
-)
+from linkage_lab.output import chart, doubts, new_file, pictures, save_csv
 from linkage_lab.sweep.designs import CANNOT_TURN, REFUSED, REVERSES, TURNS, measured
 from linkage_lab.sweep.measures import MEASURES
 from linkage_lab.sweep.spread import cluster, processes, spread

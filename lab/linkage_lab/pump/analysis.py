@@ -12,13 +12,7 @@ import numpy as np
 
 from linkage_lab.output import progress
 from linkage_lab.pump.averaged import AveragedMotion, averaged
-from linkage_lab.pump.continuation import (
-    LOST,
-    Piece,
-    bistable_ranges,
-    follow,
-    stability_lost,
-)
+from linkage_lab.pump.continuation import LOST, Piece, bistable_ranges, follow, stability_lost
 from linkage_lab.pump.shooting import ROUGH, TURN, PeriodicMotion, Shooting
 from linkage_ros import ConfigurationError, MotionError, WindPump
 from linkage_ros.formulas import Array
