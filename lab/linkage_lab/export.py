@@ -4,7 +4,7 @@
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,48 +18,31 @@ _NAME = 'linkage_export'
 
 
 def urdf(options: argparse.Namespace) -> None:
-    """Writes the mechanism as URDF, a tree of links with the loop cut open.
-
-    Raises:
-        ConfigurationError: As for `_write`.
-    """
-
-    def made(configuration: Any) -> tuple[str, list[str]]:
-        session = configuration.session
-        text = make_urdf(
-            configuration.mechanism, session.joint_prefix, session.frame_id,
-            ros2_control=options.ros2_control,
-        )  # fmt: skip
-        return text, []
-
-    _write(options, '.urdf', made)
+    """Writes the mechanism as URDF, a tree of links with the loop cut open; see `_prepared`."""
+    configuration = _prepared(options, '.urdf')
+    session = configuration.session
+    text = make_urdf(
+        configuration.mechanism, session.joint_prefix, session.frame_id,
+        ros2_control=options.ros2_control,
+    )  # fmt: skip
+    _write(options, text, doubts(configuration))
 
 
 def mjcf(options: argparse.Namespace) -> None:
-    """Writes the mechanism as MJCF, with its loop closed.
+    """Writes the mechanism as MJCF, with its loop closed; see `_prepared`.
 
     Raises:
-        ConfigurationError: As for `_write`, or a load has no equivalent in MJCF.
+        ConfigurationError: A load has no equivalent in MJCF.
     """
-
-    def made(configuration: Any) -> tuple[str, list[str]]:
-        simulator, mechanism = Simulator(configuration), configuration.mechanism
-        start = simulator.state(simulator.begin(0).at(0))
-        text = make_mjcf(mechanism, start, configuration.session.joint_prefix)
-        return text, about_zeros(mechanism, start)
-
-    _write(options, '.xml', made)
+    configuration = _prepared(options, '.xml')
+    simulator, mechanism = Simulator(configuration), configuration.mechanism
+    start = simulator.state(simulator.begin(0).at(0))
+    text = make_mjcf(mechanism, start, configuration.session.joint_prefix)
+    _write(options, text, [*doubts(configuration), *about_zeros(mechanism, start)])
 
 
-def _write(
-    options: argparse.Namespace, suffix: str, made: Callable[[Any], tuple[str, list[str]]]
-) -> None:
-    """Writes a file, and prints its path and what is doubtful in the parameters.
-
-    Args:
-        options: Parsed options of the command.
-        suffix: Suffix that the file's name must have.
-        made: Function of the configuration that returns the content, and notes to print.
+def _prepared(options: argparse.Namespace, suffix: str) -> Any:
+    """Loads the linkage to export, after a check of the file to write.
 
     Raises:
         ConfigurationError: The parameters are invalid, or the file has another suffix, exists
@@ -72,11 +55,15 @@ def _write(
     if out.suffix != suffix and str(out) != STANDARD_OUTPUT:
         raise ConfigurationError(f'{out}: must end with {suffix}, or be - for standard output')
     new_file(options, out)
-    text, notes = made(configuration)
-    cli.print_notes([*doubts(configuration), *notes])
-    save_text(out, text)
-    if str(out) != STANDARD_OUTPUT:
-        print(out)
+    return configuration
+
+
+def _write(options: argparse.Namespace, text: str, notes: Sequence[str]) -> None:
+    """Writes the file, and prints notes and its path."""
+    cli.print_notes(notes)
+    save_text(options.out, text)
+    if str(options.out) != STANDARD_OUTPUT:
+        print(options.out)
 
 
 def _parser() -> argparse.ArgumentParser:
