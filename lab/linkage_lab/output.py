@@ -105,6 +105,9 @@ def load_pose(source: str, linkage: str, at: float | None) -> tuple[Any, list[st
 
     Returns:
         The configuration, and notes: why the drive cannot move it, and what is doubtful.
+
+    Raises:
+        ConfigurationError: The configuration is invalid, or an angle is given for a slide.
     """
     found, notes = load(source, checks_drive=False).linkage(linkage), list[str]()
     try:
@@ -112,7 +115,12 @@ def load_pose(source: str, linkage: str, at: float | None) -> tuple[Any, list[st
     except LinkageError as error:
         notes.append(str(error))
     driven = found.mechanism.structure().driven_link
-    if at is not None and not driven.slides and not isinstance(at, Angle) and abs(at) > math.tau:
+    is_angle = isinstance(at, Angle)  # it was given in degrees
+    if driven.slides and is_angle:
+        raise ConfigurationError(
+            f'--at: {driven.name} is driven and slides; give its position in m'
+        )
+    if at is not None and not driven.slides and not is_angle and abs(at) > math.tau:
         notes.append(
             f'--at {at:g} is in rad: {at:g} rad = {math.degrees(at):.6g} deg; for {at:g} deg, '
             f'write {at:g}deg'

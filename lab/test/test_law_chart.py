@@ -82,15 +82,6 @@ def test_both_sides_of_a_jump_in_acceleration_are_charted(file):
     assert abs(jump) > 10
 
 
-def test_mean_power_of_a_law_that_repeats_is_that_of_its_loads(file):
-    rest = 'motion: {times: [0.0, 0.3, 1.0], angles: [1.2, 2.0, 1.2], repeat: true}'
-    design = load(str(file('motion', rest)))
-    solver = Solver(design.mechanism)
-    period = law_period(solver, design.drive)
-    # The torque on the rocker is constant, and its angle returns.
-    assert abs(period.mean_power) < 1e-8 * np.abs(period.columns['driving_power'].values).max()
-
-
 @pytest.mark.parametrize('drive', ['follow', 'torque'])
 def test_a_limited_crank_without_a_law_is_charted_over_its_arc(tmp_path, called, file, drive):
     rest = 'crank_angle: 2.0' if drive == 'torque' else ''

@@ -6,6 +6,7 @@ import re
 from dataclasses import fields
 
 import pytest
+from ros_harness import assert_refused
 
 from linkage_lab import command_line
 from linkage_lab.charts.new import STARTS, parameter_file
@@ -42,7 +43,5 @@ def test_file_loads_and_states_all_defaults(tmp_path, kind):
     assert re.findall(r'kind: (\w+)', tail)
 
 
-def test_unknown_kind_is_refused_with_the_known_ones(monkeypatch, capsys):
-    monkeypatch.setattr('sys.argv', ['linkage_chart', 'new', 'fivebar'])
-    assert command_line.main() == 2
-    assert 'slider_crank' in capsys.readouterr().err
+def test_unknown_kind_is_refused_with_the_known_ones(called):
+    assert_refused(*called(command_line, 'new', 'fivebar'), 'slider_crank')

@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 from pages import page_files, read
+from ros_harness import assert_refused
 
 from linkage_lab import command_line
 from linkage_lab.charts.state import _table, assemblies, snapshots
@@ -99,25 +100,25 @@ def test_limited_crank_has_states_in_its_arc_only():
         at(LIMITED, 180.0)
 
 
-def test_csv_has_a_row_for_each_assembly(tmp_path, monkeypatch, capsys):
-    out = tmp_path / 'state.csv'
-    words = 'linkage_chart', 'state', 'watt', '--at', '85deg', '--csv', str(out)
-    monkeypatch.setattr('sys.argv', [*words])
-    assert command_line.main() == 0
-    with out.open(newline='') as stream:
+def test_csv_has_a_row_for_each_assembly(tmp_path, called):
+    path = tmp_path / 'state.csv'
+    _, out, _ = called(command_line, 'state', 'watt', '--at', '85deg', '--csv', path)
+    with path.open(newline='') as stream:
         rows = [*csv.DictReader(stream)]
     assert {float(row['crank.direction [rad]']) for row in rows} == {math.radians(85.0)}
-    assert capsys.readouterr().out.count('driving_torque') == len(rows) == 4
+    assert out.count('driving_torque') == len(rows) == 4
 
 
 @pytest.mark.parametrize(
-    ('preset', 'words'),
-    [('excavator', '--at 30deg'), ('excavator', '--rpm 3'), ('watt', '--speed 1')],
-)
-def test_option_for_another_joint_is_refused(preset, words, monkeypatch, capsys):
-    monkeypatch.setattr('sys.argv', ['linkage_chart', 'state', preset, *words.split()])
-    assert command_line.main() == 2
-    assert words.split()[0] in capsys.readouterr().err
+    'words',
+    [
+        'state excavator --at 30deg', 'sketch excavator --at 30deg', 'state excavator --rpm 3',
+        'state watt --speed 1',
+    ],
+)  # fmt: skip
+def test_option_for_another_joint_is_refused(words, called):
+    _, _, option, _ = words.split()
+    assert_refused(*called(command_line, *words.split()), option)
 
 
 ARM = {
@@ -208,26 +209,17 @@ def test_the_drawn_assembly_is_marked_and_no_other(tmp_path, called):
 
 def test_a_linkage_of_several_is_chosen_by_its_name(called, tmp_path):
     norton, file = {**NORTON, 'rpm': 30.0}, tmp_path / 'two.yaml'
-    both = {'linkages': ['left', 'right'], **norton, 'left.crank.length': 1.5}
-    alone = {'both': both, 'left': {**norton, 'crank.length': 1.5}, 'right': norton}
-    printed = {}
-    for name, values in alone.items():
+
+    def state_of(values, *linkage):
         file.write_text(json.dumps({'/**': {'ros__parameters': values}}))
-        if name != 'both':
-            printed[name] = called(command_line, 'state', file, '--at', '0.5')
-            continue
-        for linkage in ('left', 'right', '', 'middle'):
-            choice = ('--linkage', linkage) if linkage else ()
-            printed[f'{name} {linkage}'] = called(
-                command_line, 'state', file, '--at', '0.5', *choice
-            )
-    for name in ('left', 'right'):
-        assert printed[f'both {name}'] == printed[name]
-        assert printed[name][0] == 0
-    assert printed['left'] != printed['right']
-    for name in ('both ', 'both middle'):
-        code, _, error = printed[name]
-        assert (code, 'left, right' in error) == (2, True)
+        return called(command_line, 'state', file, '--at', '0.5', *linkage)
+
+    both = {'linkages': ['left', 'right'], **norton, 'left.crank.length': 1.5}
+    left, right = (state_of(both, '--linkage', name) for name in ('left', 'right'))
+    assert left == state_of({**norton, 'crank.length': 1.5})
+    assert right == state_of(norton) != left
+    for choice in ((), ('--linkage', 'middle')):
+        assert_refused(*state_of(both, *choice), 'left, right')
 
 
 def test_numbers_of_any_size_are_apart_in_the_table():

@@ -34,12 +34,12 @@ from linkage_lab.output import (
 )
 from linkage_lab.period import Period, law_samples
 from linkage_lab.sampling import without_loads
-from linkage_ros import ConfigurationError, Force, Solver, Spring, State, UnreachableError, cli
+from linkage_ros import Force, Solver, Spring, State, UnreachableError, cli
 from linkage_ros.extensions import LOADS
 from linkage_ros.formulas import Array
 from linkage_ros.internals import FRAME, UNITS, Drawing, axes_of, radians_per_second
 from linkage_ros.palette import BLACK, DARK, GREY, Color, fractions
-from linkage_ros.quantities import Angle, leaves
+from linkage_ros.quantities import leaves
 
 # Crank angle of a mechanism that turns fully and is given by lengths, deg; links rarely overlap
 # there.
@@ -163,15 +163,10 @@ def sketch_of(design: Any, at: float | None = None) -> Sketched:
             by lengths, 45 deg, the start, or the middle of the arc.
 
     Raises:
-        ConfigurationError: An angle is given for a joint that slides.
         UnreachableError: The mechanism cannot be there.
     """
     solver = without_loads(Solver(design.mechanism))
     driven = solver.structure.driven_link
-    if driven.slides and isinstance(at, Angle):
-        raise ConfigurationError(
-            f'--at: {driven.name} is driven and slides; give its position in m'
-        )
     positions, rates = design.mechanism.start()
     place = _default_place(design, solver) if at is None else at
     rpm = 0.0 if driven.slides else getattr(design.drive, 'rpm', 0.0)

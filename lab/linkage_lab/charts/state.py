@@ -15,7 +15,6 @@ from linkage_lab.period import SLIDING, TURNING
 from linkage_lab.sampling import without_loads
 from linkage_ros import ConfigurationError, LinkageError, Mechanism, Solver, State, cli
 from linkage_ros.internals import STANDARD_OUTPUT, radians_per_second
-from linkage_ros.quantities import Angle
 
 _MOST, _TRIED = 16, 1024  # assemblies shown, and tried
 _ONLY = 'one assembly'
@@ -98,10 +97,6 @@ def position_and_speed(design: Any, options: argparse.Namespace) -> tuple[float,
     driven = design.mechanism.structure().driven_link
     place = design.drive.drawn_angle(design.mechanism) if options.at is None else options.at
     if driven.slides:
-        if isinstance(place, Angle):  # it was given in degrees
-            raise ConfigurationError(
-                f'--at: {driven.name} is driven and slides; give its position in m'
-            )
         if options.rpm is not None:
             raise ConfigurationError(f'--rpm: {driven.name} slides; give --speed in m/s')
         speed = options.speed or 0.0
