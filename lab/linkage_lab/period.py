@@ -697,7 +697,9 @@ def _net_power(solver: Solver, state: State, position: Array, acceleration: floa
     Its mean over a period is that of the driving power, because weights and inertia have zero
     mean power. Leaving them out avoids cancellation.
     """
-    power = _load_power(solver, state)
+    power: Array = np.zeros_like(state.torque)
+    for name, force in solver.load_forces(state).items():
+        power = power - force * state.velocity[solver.links.index(name)]
     if acceleration:
         ((inertia,),) = solver.matrix(position)
         power = power + state.velocity[0] * acceleration * inertia
@@ -810,17 +812,6 @@ def _constant_rates(period: Period) -> tuple[float, float]:
 def _twelve_digits(values: Array) -> Array:
     """Removes the digits with rounding errors, such as those of 59.99999999999999 deg."""
     return np.array([float(f'{value:.12g}') for value in values])
-
-
-def _load_power(solver: Solver, state: State) -> Array:
-    """Returns the power that drives the loads, W.
-
-    Over a period of a motion that repeats, weights and inertia have zero mean power.
-    """
-    power: Array = np.zeros_like(state.torque)
-    for name, force in solver.load_forces(state).items():
-        power = power - force * state.velocity[solver.links.index(name)]
-    return power
 
 
 def _settled(

@@ -57,14 +57,6 @@ class _Row(NamedTuple):
     curve: Curve | None = None
 
 
-class _Entry(NamedTuple):
-    """A row of the table before it is aligned; a heading has no numbers."""
-
-    name: str
-    curve: Curve | None = None
-    numbers: str = ''
-
-
 class _Layout(NamedTuple):
     """Where the parts of a sheet are, inches from its upper left corner.
 
@@ -211,21 +203,21 @@ def _wrapped(text: str, width: int) -> list[str]:
 
 def _table(drawn: Sequence[Panel], others: Sequence[Panel], period: Period) -> list[_Row]:
     """Makes the rows of the table, grouped by diagram, then those of quantities without one."""
-    entries = list[_Entry]()
+    entries = list[tuple[str, Curve | None, str]]()  # name, curve and, unless a heading, numbers
     for panel in (*drawn, *others):
         is_one_line = len(panel.curves) == 1 and len(panel.heading) <= _HEADING
         if not is_one_line:
-            entries.append(_Entry(panel.heading))
+            entries.append((panel.heading, None, ''))
         for curve, extent in zip(panel.curves, panel.measured(), strict=True):
             name = panel.heading if is_one_line else f'  {_short(curve.name)}'
             sample = None if panel in others else curve
-            entries.append(_Entry(name, sample, _numbers(period, extent)))
+            entries.append((name, sample, _numbers(period, extent)))
     if not entries:
         return []
-    wide = max(len(entry.name) for entry in entries if entry.numbers)
+    wide = max(len(name) for name, _, numbers in entries if numbers)
     at = f'at {period.across.unit}'
     heading = f'{"":<{wide}}{"min":>10}{at:>7}{"max":>10}{at:>7}{"rms":>10}'
-    rows = [_Row(f'{entry.name:<{wide}}{entry.numbers}', entry.curve) for entry in entries]
+    rows = [_Row(f'{name:<{wide}}{numbers}', curve) for name, curve, numbers in entries]
     return [_Row(heading), *rows]
 
 
