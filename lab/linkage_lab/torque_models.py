@@ -95,9 +95,6 @@ def without(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
 def with_point_masses(mechanism: Any) -> Mechanism | None:
     """Replaces the coupler by two point masses at its pins, added to crank and output link.
 
-    Args:
-        mechanism: Mechanism to simplify.
-
     Returns:
         The mechanism with a massless coupler; None if there is no coupler, or it has no mass, or
         its centre of mass is not between its pins.

@@ -177,12 +177,7 @@ class Situation:
 def measure_outcomes(
     situations: Iterable[Situation], methods: Sequence[Method], *, cases: int
 ) -> list[dict[str, Any]]:
-    """Runs every method in every situation.
-
-    Args:
-        situations: Situations to run.
-        methods: Methods to run in each situation.
-        cases: Number of cases of each situation.
+    """Runs every method in a number of cases of every situation.
 
     Returns:
         The cells, grouped by situation. A cell has the names of method and situation, the worst

@@ -35,16 +35,7 @@ _DECIMALS = (
 
 
 def four_bar(lengths: Sequence[float], assembly: str = OPEN, angle: float = 0.0) -> FourBar:
-    """Makes a four-bar of uniform rods.
-
-    Args:
-        lengths: Lengths of crank, coupler, rocker and frame, m.
-        assembly: 'open' or 'crossed'.
-        angle: Angle of the frame, rad.
-
-    Returns:
-        The linkage.
-    """
+    """Makes a four-bar of uniform rods; lengths of crank, coupler, rocker and frame, m."""
     r, b, c, d = lengths
     return FourBar(Frame(d, angle), Body(*_rod(r)), Coupler(*_rod(b)), Rocker(*_rod(c)), assembly)
 
@@ -52,18 +43,7 @@ def four_bar(lengths: Sequence[float], assembly: str = OPEN, angle: float = 0.0)
 def slider_crank(
     r: float, b: float, offset: float, assembly: str = OPEN, angle: float = 0.0
 ) -> SliderCrank:
-    """Makes a slider-crank of uniform rods and a slider of 1 kg.
-
-    Args:
-        r: Length of the crank, m.
-        b: Length of the coupler, m.
-        offset: Offset of the slider, m.
-        assembly: 'open' or 'crossed'.
-        angle: Angle of the guide, rad.
-
-    Returns:
-        The linkage.
-    """
+    """Makes a slider-crank of uniform rods, r and b m long, and a slider of 1 kg."""
     slider = Slider(offset, 1.0)
     return SliderCrank(Body(*_rod(r)), Coupler(*_rod(b)), slider, Guide(angle), assembly)
 

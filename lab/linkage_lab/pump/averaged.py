@@ -59,11 +59,6 @@ class AveragedMotion(NamedTuple):
 def residuals(shooting: Shooting, motion: AveragedMotion, torque: float) -> Array:
     """Computes the means of R, R cos phi1 and R sin phi1, N, and of R1, N m.
 
-    Args:
-        shooting: The map of the pump.
-        motion: The approximate motion.
-        torque: Torque of the motor at rest, N m.
-
     Raises:
         UnreachableError: The dyad does not close at some crank angle.
     """

@@ -70,12 +70,11 @@ def halves(phase: Phase) -> tuple[Phase, Phase]:
 def driven_pump(speed: float, velocity: float = 0.0) -> InitialValueProblem:
     """Makes the initial value problem of Deliu and Vlase's wind pump with its motor and load.
 
+    It starts at crank angle 0.
+
     Args:
         speed: Speed of the crank at t = 0, rad/s.
         velocity: Velocity of the slider at t = 0, m/s.
-
-    Returns:
-        The problem; it starts at crank angle 0.
     """
     pump: Any = load('wind_pump')
     start = 0.0, pump.mechanism.slider.position, speed, velocity

@@ -325,13 +325,6 @@ def turned(weight: Vector, direction: Vector) -> Vector:
 def eliminate(rows: list[Row], right: Row) -> Row:
     """Solves a system of equations by Gaussian elimination, for any kind of number.
 
-    Args:
-        rows: The rows of the square matrix.
-        right: The right-hand side.
-
-    Returns:
-        The unknowns.
-
     Raises:
         ArithmeticError: The matrix is singular.
     """

@@ -88,9 +88,6 @@ def _prepare() -> None:
 def cluster(address: str) -> Iterator[Executor]:
     """Connects to the workers of a Dask cluster, on which this package must be installed.
 
-    Args:
-        address: Address of the Dask scheduler.
-
     Yields:
         An executor; the cluster repeats the work of a lost worker on another one.
 
