@@ -27,7 +27,7 @@ from ros_harness import assert_refused
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from linkage_lab import command_line, export
-from linkage_lab.charts import accuracy, movie, sketch
+from linkage_lab.charts import movie, sketch
 from linkage_lab.charts.linkage_picture import LinkagePicture
 from linkage_lab.charts.motion import DESIGN_COLORS, _driven_by_loads
 from linkage_lab.command_line import QUANTITIES
@@ -43,7 +43,6 @@ from linkage_lab.period import (
 from linkage_lab.pump.analysis import settle
 from linkage_ros import Body, Coupler, Dyad, FourBar, Frame, Solver
 from linkage_ros.mechanism.travel import travel
-from linkage_ros.motion.drives.follow import FollowDrive
 from linkage_ros.settings.configuration import load
 from linkage_ros.settings.presets import preset_names
 
@@ -482,83 +481,39 @@ def test_diagrams_of_several_mechanisms_have_titles(tmp_path, called):
 
 
 @pytest.mark.parametrize(
-    ('arguments', 'words'),
+    ('line', 'words'),
     [
-        (['motion', 'pentagon'], "no preset 'pentagon'"),
-        (['motion', ''], "no preset '': choose one of"),
-        (['motion', 'x' * 5000], "no preset 'xxxxx"),
-        (['motion', 'quadrilateral', '--rpm', 'nan'], "--rpm: 'nan': must be a number from"),
-        (['motion', 'quadrilateral', '--rpm', 'fast'], "--rpm: 'fast': must be a number from"),
-        (['motion', 'quadrilateral', '--acceleration', '1e99'], "--acceleration: '1e99': must be"),
-        (
-            ['pump', '--speeds', '2', 'x'],
-            "--speeds: 'x': must be a number from 1e-06 to 1e+06 rad",
-        ),
-        (['motion', 'quadrilateral', '--out', '/proc/nowhere'], 'cannot be written'),
-        (
-            ['motion', 'wiper', '--out', 'no/way'],
-            'wiper_motion.png cannot be written: there is no folder no',
-        ),
-        (
-            ['motion', 'wind_pump', '--reactions'],
-            '--reactions is for a crank at a given speed, but the motor of wind_pump',
-        ),
-        (['motion', 'wind_pump', '--acceleration', '1'], ': leave --acceleration out'),
-        (['motion', 'wind_pump', '--csv', '5'], '--csv is for a crank at a given speed'),
-        (['motion', 'wiper', 'press', '--csv', '5'], 'only one with --fluctuation or --csv'),
-        (['motion', 'wiper', '--csv', '0'], "--csv: '0': must be a number from 0.01 to 180"),
-        (['motion', 'wind_pump', '--rpm', '-5'], '--rpm = -5: must be above 0 rpm, because'),
-        (['motion', 'wind_pump', '--rpm', '0'], '--rpm = 0: must be above 0 rpm, because'),
-        (['motion', 'wiper', '--format', 'jpg'], "--format: 'jpg': must be of png,svg,pdf"),
-        (
-            ['motion', 'wiper', '--show', 'x'],
-            'point; PARAMS must be before --show',
-        ),
-        (['motion', '--show', 'torque', 'wiper'], "'wiper': must be of position, "),
-        (['motion', 'wiper', 'out.png'], 'out.png: give parameter files alone'),
-        (['motion', 'wiper', 'wiper'], 'wiper is given twice: give each file another name'),
-        (
-            ['motion', 'wiper', 'press', '--fluctuation', '0.1'],
-            '2 mechanisms: must be at most 7, and only one with --fluctuation',
-        ),
-        (['motion', *map(str, range(8))], '8 mechanisms: must be at most 7'),
-        (
-            ['movie', 'wiper', 'wiper.png'],
-            'wiper.png: must end with .html, .gif or .mp4',
-        ),
-        (['movie', 'wiper', '/proc/nowhere/wiper.gif'], 'cannot be written'),
-        (['movie', 'wiper', 'wiper.gif', '--rpm', '0'], 'the crank is at rest'),
-        (
-            ['motion', 'quadrilateral', '--fluctuation', '0'],
-            "'0': must be a number from 1e-06 to 1",
-        ),
-        (
-            ['motion', 'quadrilateral', '--fluctuation', '0.1', '--rpm', '0'],
-            'a steady speed other than 0, not for 0 rpm and 0 rad/s^2: change',
-        ),
-        (
-            ['motion', 'quadrilateral', '--fluctuation', '0.1', '--acceleration', '1'],
-            'not for 150 rpm and 1 rad/s^2',
-        ),
-        (['motion', 'wind_pump', '--fluctuation', '0.1'], 'leave --fluctuation out'),
-        (
-            ['economy', 'wind_pump', '--rpm', '20'],
-            'its crank angle alone does not determine its motion',
-        ),
-        (['economy', 'quadrilateral', '--rpm', '0'], 'quadrilateral at 0 rpm: the torque is'),
-        (['economy', 'quadrilateral', '--tolerance', '0'], "'0': must be a number from 1e-09"),
-        (['economy', 'quadrilateral', '--rpm', 'x'], "--rpm: 'x': must be a number from -1e+06"),
-        (['economy'], 'PARAMS'),
-        (['motion'], 'PARAMS'),
-        ([], 'COMMAND'),
+        ('motion pentagon', "no preset 'pentagon'"),
+        ('motion quadrilateral --rpm nan', "--rpm: 'nan': must be a number from"),
+        ('motion quadrilateral --acceleration 1e99', "--acceleration: '1e99': must be"),
+        ('pump --speeds 2 x', "--speeds: 'x': must be a number from 1e-06 to 1e+06 rad"),
+        ('motion wind_pump --reactions', '--reactions is for a crank at a given speed, but the'),
+        ('motion wind_pump --fluctuation 0.1', 'leave --fluctuation out'),
+        ('motion wind_pump --csv 5', '--csv is for a crank at a given speed'),
+        ('motion wiper press --csv 5', 'only one with --fluctuation or --csv'),
+        ('motion wiper --csv 0', "--csv: '0': must be a number from 0.01 to 180"),
+        ('motion wind_pump --rpm 0', '--rpm = 0: must be above 0 rpm, because'),
+        ('motion wiper --format jpg', "--format: 'jpg': must be of png,svg,pdf"),
+        ('motion wiper --show x', 'point; PARAMS must be before --show'),
+        ('motion --show torque wiper', "'wiper': must be of position, "),
+        ('motion wiper out.png', 'out.png: give parameter files alone'),
+        ('motion wiper wiper', 'wiper is given twice: give each file another name'),
+        ('motion wiper press --fluctuation 0.1', '2 mechanisms: must be at most 7, and only one'),
+        ('motion 0 1 2 3 4 5 6 7', '8 mechanisms: must be at most 7'),
+        ('movie wiper wiper.png', 'wiper.png: must end with .html, .gif or .mp4'),
+        ('movie wiper wiper.gif --rpm 0', 'the crank is at rest'),
+        ('motion quadrilateral --fluctuation 0', "'0': must be a number from 1e-06 to 1"),
+        ('motion wiper --fluctuation 0.1 --rpm 0', 'not for 0 rpm and 0 rad/s^2: change'),
+        ('motion wiper --fluctuation 0.1 --acceleration 1', 'not for 45 rpm and 1 rad/s^2'),
+        ('economy wind_pump --rpm 20', 'its crank angle alone does not determine its motion'),
+        ('economy quadrilateral --rpm 0', 'quadrilateral at 0 rpm: the torque is'),
+        ('economy quadrilateral --tolerance 0', "'0': must be a number from 1e-09"),
+        ('economy', 'PARAMS'),
+        ('', 'COMMAND'),
     ],
 )
-def test_invalid_chart_arguments_give_one_line(called, arguments, words):
-    assert_refused(*called(command_line, *arguments), re.escape(words))
-
-
-def test_default_bandwidth_in_the_chart_is_that_of_the_drive():
-    assert FollowDrive().follow_bandwidth == accuracy.DEFAULT_BANDWIDTH
+def test_invalid_chart_arguments_give_one_line(called, line, words):
+    assert_refused(*called(command_line, *line.split()), re.escape(words))
 
 
 @pytest.mark.parametrize('drive', ['torque', 'follow'])
