@@ -383,16 +383,10 @@ class _Scale(NamedTuple):
         return self.bottom - self.factor * (value - self.low)
 
 
-class _Across(NamedTuple):
-    """The horizontal axis of all curves: its values at both ends."""
-
-    start: float
-    end: float
-
-    def x(self, marks: Any) -> Any:
-        """Returns the coordinate x of values, px."""
-        width = _SIZE - _RIGHT - _LEFT
-        return _LEFT + width * (marks - self.start) / (self.end - self.start)
+def _x(period: Period, marks: Any) -> Any:
+    """Returns the coordinate x of values of the horizontal axis of all curves, px."""
+    start, end = period.marks[[0, -1]]
+    return _LEFT + (_SIZE - _RIGHT - _LEFT) * (marks - start) / (end - start)
 
 
 def _curves(
@@ -404,8 +398,7 @@ def _curves(
         The picture as SVG; and for each quantity its axis, or None if it is not drawn.
     """
     drawn = sum(quantity.is_drawn for quantity in quantities)
-    height, across = drawn * (_ROW + _GAP) + _FOOT, _Across(period.marks[0], period.marks[-1])
-    x = across.x(period.marks[shown])
+    height, x = drawn * (_ROW + _GAP) + _FOOT, _x(period, period.marks[shown])
     parts, above = list[str](), list[str]()  # `above` covers the grid
     scales, top = list[_Scale | None](), float(_TOP)
     for i, quantity in enumerate(quantities):
@@ -427,7 +420,7 @@ def _curves(
         above.append(f'<circle id="dot{i}" r="5" fill="rgb{quantity.color}"/>')
         top = scale.bottom + _GAP
     foot = top - _GAP
-    parts += _vertical_grid(across, foot)
+    parts += _vertical_grid(period, foot)
     middle, title = 0.5 * (_LEFT + _SIZE - _RIGHT), f'{period.across.name}, {period.across.unit}'
     parts += [
         f'<text x="{middle:g}" y="{foot + 36:g}" text-anchor="middle">{title}</text>',
@@ -459,10 +452,10 @@ def _horizontal_grid(scale: _Scale, ticks: Array) -> Iterator[str]:
         )
 
 
-def _vertical_grid(across: _Across, foot: float) -> Iterator[str]:
+def _vertical_grid(period: Period, foot: float) -> Iterator[str]:
     """Draws five lines and numbers of the horizontal axis, which is at `foot`, px."""
-    for mark in np.linspace(across.start, across.end, 5):
-        x = across.x(mark)
+    for mark in np.linspace(*period.marks[[0, -1]], 5):
+        x = _x(period, mark)
         yield f'<path class="grid" d="M{x:.1f} {_TOP}V{foot:g}"/>'
         yield (
             f'<text class="tick" x="{x:.1f}" y="{foot + 16:g}" text-anchor="middle">'

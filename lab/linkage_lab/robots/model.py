@@ -18,6 +18,7 @@ FIXED, REVOLUTE, PRISMATIC, BALL = 'fixed', 'revolute', 'prismatic', 'ball'
 # Kinds of movable joints, and names of the components of inertia, in URDF and SDF.
 KINDS = {'revolute': REVOLUTE, 'continuous': REVOLUTE, 'prismatic': PRISMATIC}
 INERTIA = 'ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'
+MOMENTS = 'ixx', 'iyy', 'izz'
 
 
 class Transform(NamedTuple):

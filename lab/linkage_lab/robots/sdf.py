@@ -12,6 +12,7 @@ from linkage_lab.robots.model import (
     IDENTITY,
     INERTIA,
     KINDS,
+    MOMENTS,
     Inertial,
     Joint,
     Robot,
@@ -45,7 +46,6 @@ _NOT_READ: tuple[tuple[str, str, tuple[str, ...], str], ...] = (
     ('.//link/gravity', '', ('1', 'true'), 'gravity must act on all links'),
 )
 _POSE = 'relative_to', 'rotation_format', 'degrees', 'frame'
-_MOMENTS = 'ixx', 'iyy', 'izz'
 _IN_INERTIAL = 'mass', 'pose', 'inertia', 'density', 'auto_inertia_params', 'fluid_added_mass'
 _IN_JOINT = 'parent', 'child', 'pose', 'axis', 'physics', 'sensor'
 _IN_AXIS = 'xyz', 'limit', 'dynamics', 'mimic', 'initial_position', 'use_parent_model_frame'
@@ -270,6 +270,6 @@ def _assumed(link: ET.Element) -> str:
     if element is not None:
         missing = [name for name in ('mass', 'inertia') if element.find(name) is None]
         six = element.find('inertia')
-        missing += [name for name in _MOMENTS if six is not None and six.find(name) is None]
+        missing += [name for name in MOMENTS if six is not None and six.find(name) is None]
     tags = ' and '.join(f'<{name}>' for name in missing)
     return tags and f'no {tags} in the model; SDF then gives 1 kg and 1 kg m^2'

@@ -11,6 +11,7 @@ from linkage_lab.robots.model import (
     IDENTITY,
     INERTIA,
     KINDS,
+    MOMENTS,
     PRISMATIC,
     REVOLUTE,
     Inertial,
@@ -45,7 +46,6 @@ _ATTRIBUTES = {
 }
 _IN_JOINT = (*_ATTRIBUTES, 'calibration', 'safety_controller')
 _QUATERNIONS = 1, 1  # version from which they are read
-_MOMENTS = 'ixx', 'iyy', 'izz'
 
 
 def read_urdf(root: ET.Element) -> Robot:
@@ -181,7 +181,7 @@ def _inertial(link: ET.Element) -> Inertial | None:
         raise ConfigurationError(f'{listed(unknown)} of <inertial> is not read: leave it out')
     (mass,) = numbers(parts['mass'], 'value', 1)
     # The moments must be given; the products are 0 by default.
-    defaults = {name: '' if name in _MOMENTS else '0' for name in INERTIA}
+    defaults = {name: '' if name in MOMENTS else '0' for name in INERTIA}
     six = (numbers(parts['inertia'], name, 1, default)[0] for name, default in defaults.items())
     inertia = symmetric(*six)
     return Inertial(float(mass), pose.place, pose.rotation @ inertia @ pose.rotation.T)
