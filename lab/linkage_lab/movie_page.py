@@ -454,7 +454,7 @@ def _horizontal_grid(scale: _Scale, ticks: Array) -> Iterator[str]:
 
 def _vertical_grid(period: Period, foot: float) -> Iterator[str]:
     """Draws five lines and numbers of the horizontal axis, which is at `foot`, px."""
-    for mark in np.linspace(*period.marks[[0, -1]], 5):
+    for mark in np.linspace(period.marks[0], period.marks[-1], 5):
         x = _x(period, mark)
         yield f'<path class="grid" d="M{x:.1f} {_TOP}V{foot:g}"/>'
         yield (

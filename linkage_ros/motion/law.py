@@ -222,7 +222,7 @@ class Spline(NamedTuple):
                 periods, times = np.divmod(times, starts[-1])
                 turns = periods * self.turns
             piece = np.minimum(np.searchsorted(starts, times, 'right'), len(self.rows)) - 1
-            return _moment(turns, factors[:, piece], (times - starts[piece]) / NS_PER_S)
+            return _moment(turns, [*factors[:, piece]], (times - starts[piece]) / NS_PER_S)
 
         return moments
 

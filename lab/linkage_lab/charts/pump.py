@@ -171,8 +171,8 @@ def _draw_load_curve(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
 
 def _largest_torque(analysis: Analysis) -> float:
     """Returns the largest torque to draw, N m."""
-    torque = analysis.motor.torque
-    ends = [1.1 * one['high'] for one in bistable_ranges(analysis.pieces)]
+    torque: float = analysis.motor.torque
+    ends: list[float] = [1.1 * one['high'] for one in bistable_ranges(analysis.pieces)]
     return max([_TORQUES * torque, *(x for x in ends if x < _FARTHEST * torque)])
 
 
