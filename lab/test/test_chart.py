@@ -27,7 +27,7 @@ from ros_harness import assert_refused
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from linkage_lab import command_line, export
-from linkage_lab.charts import movie, sketch
+from linkage_lab.charts import accuracy, movie, sketch
 from linkage_lab.charts.linkage_picture import LinkagePicture
 from linkage_lab.charts.motion import DESIGN_COLORS, _driven_by_loads
 from linkage_lab.command_line import QUANTITIES
@@ -43,6 +43,7 @@ from linkage_lab.period import (
 from linkage_lab.pump.analysis import settle
 from linkage_ros import Body, Coupler, Dyad, FourBar, Frame, Solver
 from linkage_ros.mechanism.travel import travel
+from linkage_ros.motion.drives.follow import FollowDrive
 from linkage_ros.settings.configuration import load
 from linkage_ros.settings.presets import preset_names
 
@@ -514,6 +515,10 @@ def test_diagrams_of_several_mechanisms_have_titles(tmp_path, called):
 )
 def test_invalid_chart_arguments_give_one_line(called, line, words):
     assert_refused(*called(command_line, *line.split()), re.escape(words))
+
+
+def test_default_bandwidth_in_the_chart_is_that_of_the_drive():
+    assert FollowDrive().follow_bandwidth == accuracy.DEFAULT_BANDWIDTH
 
 
 @pytest.mark.parametrize('drive', ['torque', 'follow'])

@@ -47,7 +47,7 @@ from linkage_lab.output import (
 from linkage_lab.reference.motions import InitialValueProblem
 from linkage_ros import Solver, load
 from linkage_ros.formulas import Array
-from linkage_ros.internals import FollowMotion, Motor, configure, live_steps, radians_per_second
+from linkage_ros.internals import FollowMotion, Motor, live_steps, radians_per_second
 from linkage_ros.palette import (
     BLACK,
     BLUE,
@@ -62,6 +62,7 @@ from linkage_ros.palette import (
 )
 
 _LEAST, _CEILING = 1e-17, 10.0  # limits at which smaller and larger errors are drawn
+DEFAULT_BANDWIDTH = 20.0  # Hz, of `drive: follow`
 _BITS = (12, 14, 16, 18, 20)
 _BANDWIDTHS = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 40.0, 60.0, 80.0, 120.0, 160.0, 240.0)  # Hz
 _RPM = 150.0
@@ -350,8 +351,6 @@ def _rounded(values: Array, step: float) -> list[float]:
 
 def draw_follow(points: Sequence[dict[str, Any]], title: str, files: Sequence[Path]) -> None:
     """Plots the torque error of a measured crank against the bandwidth, for each encoder."""
-    drive: Any = configure({'drive': 'follow'}).drive
-    default = drive.follow_bandwidth  # Hz
     with chart(files, 4.8, title) as figure:
         panels = figure.subplots(1, 2, sharey=True, sharex=True)
         for axes, velocity in zip(panels, (False, True), strict=True):
@@ -362,8 +361,8 @@ def draw_follow(points: Sequence[dict[str, Any]], title: str, files: Sequence[Pa
                 line = [(p['follow_bandwidth'], 100 * p['max_error']) for p in group]
                 axes.plot(*zip(*line, strict=True), linewidth=1.2, label=f'{bits} bit', **style)
             axes.axvline(
-                default, color=fractions(BLACK), linestyle='--', linewidth=1.0,
-                label=f'default, {default:g} Hz',
+                DEFAULT_BANDWIDTH, color=fractions(BLACK), linestyle='--', linewidth=1.0,
+                label=f'default, {DEFAULT_BANDWIDTH:g} Hz',
             )  # fmt: skip
             axes.set_title(
                 'angle and velocity are measured' if velocity else 'only the angle is measured'
