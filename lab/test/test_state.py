@@ -47,6 +47,15 @@ def test_both_assemblies_of_a_textbook_four_bar():
     assert not notes
 
 
+@pytest.mark.parametrize('degrees', [30.0, 200.0, 330.0])
+def test_transmission_angle_is_between_coupler_and_rocker(degrees):
+    found, _ = at(NORTON, degrees)
+    for one in found:
+        coupler, rocker = (one.values[f'{x}.direction'].value for x in ('coupler', 'rocker'))
+        between = abs(math.remainder(rocker - coupler, math.tau))
+        assert math.isclose(one.values['transmission_angle'].value, between, rel_tol=1e-12)
+
+
 @pytest.mark.parametrize('preset', ['watt', 'shaper', 'excavator', 'compressor', 'slider_crank'])
 def test_values_are_those_of_the_solver(preset):
     design = load(preset)

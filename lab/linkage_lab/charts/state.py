@@ -185,6 +185,9 @@ def _snapshot(
         torque = drive.motor.torque - drive.motor.damping * speed
         a = frictionless.accelerations(q, u, torque)
     values = _motion_values(solver, frictionless.state(q, u, a))
+    if transmission := getattr(cast('Any', mechanism).loop(), 'transmission', None):
+        halves = transmission.half_angles(place)
+        values['transmission_angle'] = Value('rad', 2 * math.atan2(halves.sin_m, halves.cos_m))
     values |= _spring_values(solver, frictionless, (q, u, a))
     missing = dict[str, str]()
     try:
