@@ -416,6 +416,10 @@ def test_sheet_says_what_a_motor_misses_and_what_cures_it(
     code, said, error = called(command_line, 'motion', file, *options)
     assert code == 0, error
     crank, speed = Crank(load(str(file)).mechanism), radians_per_second(rpm)
+    if most := re.search(r'with the flywheel: .*peak power ([\d.]+) W', said):
+        cycle = crank.cycle(speed, crank.inertia_for(fluctuation, speed), motor)
+        powers = (motor.torque - motor.damping * cycle.velocity) * cycle.velocity
+        assert float(most[1]) == pytest.approx(powers.max(), rel=1e-3)
 
     def keeps(motor, added):
         try:

@@ -174,8 +174,16 @@ def _attempt(
         cycle = crank.cycle(speed, added, motor)
     except LinkageError as error:
         return None, str(error)
-    at = f'at {rounded(_RPM * cycle.speed)} rpm, fluctuation {cycle.fluctuation:.4g}'
+    at = f'at {_speed(cycle)}, peak power {_peak_power(cycle)}'
     return cycle, f'the motor drives the cycle {at}'
+
+
+def _speed(cycle: Cycle) -> str:
+    return f'{rounded(_RPM * cycle.speed)} rpm, fluctuation {cycle.fluctuation:.4g}'
+
+
+def _peak_power(cycle: Cycle) -> str:
+    return f'{rounded(np.abs(cycle.torque * cycle.velocity).max())} W'
 
 
 def _draw(sizing: _Sizing, name: str, warning: str, files: Sequence[Path]) -> None:
@@ -227,11 +235,12 @@ def _rows(sizing: _Sizing) -> list[tuple[str, str]]:
         ('power: peak, mean', f'{_listed(_peak(power), period.mean_power)} W'),
     ]
     if sizing.motor:
-        speed = (
-            f'{rounded(_RPM * driven.speed)} rpm, fluctuation {driven.fluctuation:.4g}'
-            if driven else 'cannot drive the cycle'
-        )  # fmt: skip
-        rows += [('motor', str(sizing.motor).removeprefix('motor ')), (DRIVEN, speed)]
+        rows += [
+            ('motor', str(sizing.motor).removeprefix('motor ')),
+            (DRIVEN, _speed(driven) if driven else 'cannot drive the cycle'),
+        ]
+    if driven:
+        rows.append(('its peak power', _peak_power(driven)))
     return rows
 
 
@@ -293,16 +302,15 @@ def _draw_speeds(axes: Axes, sizing: _Sizing) -> None:
 def _draw_plane(axes: Axes, sizing: _Sizing) -> None:
     """Plots torque against speed: the motor, the demand of the mechanism, the operating range."""
     motor, cycle = sizing.motor or Motor(), sizing.driven or sizing.steady
-    style = _STYLES[DRIVEN if sizing.driven else STEADY]
     low, high = _band(sizing)
     axes.axvspan(low, high, color='0.88', label='allowed', zorder=0)
-    axes.plot(_RPM * cycle.velocity, cycle.demand, label=NEEDED, **style)
+    axes.plot(_RPM * cycle.velocity, cycle.demand, label=NEEDED, **_STYLES[NEEDED])
     point, slope = (_RPM * cycle.speed, motor.at(cycle.speed)), -motor.damping / _RPM
-    thin: dict[str, Any] = {'color': fractions(BLACK), 'linewidth': 0.9}
-    axes.axline(point, slope=slope, label="the motor's line", **thin)
+    look: dict[str, Any] = {'color': fractions(GREEN), 'solid_capstyle': 'butt'}
+    axes.axline(point, slope=slope, label="the motor's line", linewidth=0.9, **look)
     if sizing.driven:
-        thick = style | {'linewidth': 4.5, 'linestyle': '-', 'solid_capstyle': 'butt'}
-        axes.plot(_RPM * cycle.velocity, cycle.torque, label='operating range', **thick)
+        ends = _RPM * cycle.velocity, cycle.torque
+        axes.plot(*ends, label='operating range', linewidth=4.5, **look)
     axes.set_title('Torque, N m', loc='left', fontsize=SMALL, pad=4)
     axes.set_xlabel('Crank speed, rpm', labelpad=1)
     round_ticks(axes.xaxis, 'rpm', 8)
