@@ -422,7 +422,7 @@ def _digits(values: object) -> str:
     if row.dtype.kind not in 'fiu' or not row.size:
         return shown(values)
     ends = (row.min(), row.max()) if row.ndim else (row,)
-    return ' to '.join(f'{x:.6g}' for x in ends)
+    return ' to '.join(f'{x + 0.0:.6g}' for x in ends)  # not -0
 
 
 class PointMotion(NamedTuple):

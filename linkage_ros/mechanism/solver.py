@@ -886,7 +886,9 @@ def _mechanism_of(given: Any) -> Mechanism:
     if inner is not None:
         mechanism = inner() if callable(inner) else inner
     if not isinstance(mechanism, Mechanism):
-        raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
+        raise MechanismError(
+            f'{shown(mechanism)}: must be a mechanism, such as a FourBar, or what load returns'
+        )
     return mechanism
 
 

@@ -96,7 +96,7 @@ class Linkage:
             return kind
         count = len(self.mechanism.structure().links) + 1
         bars = _BARS.get(count, f'{count}-bar')
-        if self.drawn_mechanism is not None:  # its dyads have no names of their own
+        if self.mechanism.drawn is not None:  # its dyads have no names of their own
             dyads = [f'{len(dyads)} dyad{"s" * (len(dyads) > 1)}']
         return f'{bars} ({" + ".join([kind, *dyads])})'
 
