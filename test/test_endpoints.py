@@ -155,3 +155,17 @@ def test_another_rclpy_is_refused_in_one_line(polled, monkeypatch):
         other.setattr(impl.implementation_singleton, 'rclpy_implementation', object())
         with pytest.raises(ConfigurationError, match=r'^this rclpy .*Jazzy[^\n]*$'):
             endpoints.PolledSubscription(node, JOINT_COMMANDS, reject, lambda *_: None)
+
+
+def test_waiting_for_delivery_leaves_the_interpreter_to_other_threads():
+    """rclpy holds the interpreter lock for as long as it may wait."""
+    asked = []
+
+    def answers(duration):
+        asked.append(duration.nanoseconds)
+        return len(asked) > 3
+
+    late, dead = (SimpleNamespace(wait_for_all_acked=x) for x in (answers, lambda duration: False))
+    endpoints.wait_for_delivery([late])
+    endpoints.wait_for_delivery([dead, late], 0.0)
+    assert asked == [0] * 4

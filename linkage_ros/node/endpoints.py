@@ -127,10 +127,23 @@ def wait_for_subscribers(
     return False
 
 
-def wait_for_delivery(publishers: Iterable[Publisher]) -> None:
-    """Waits until subscribers have received the last messages, unless one does not respond."""
-    for publisher in publishers:
-        publisher.wait_for_all_acked(Duration(seconds=_DELIVERY_SECONDS))
+def wait_for_delivery(
+    publishers: Collection[Publisher], seconds: float = _DELIVERY_SECONDS
+) -> None:
+    """Waits until subscribers have received the last messages, unless one does not respond.
+
+    It polls, because rclpy holds the interpreter lock while it waits, which stops all threads of
+    the process, such as the ticks of another node.
+
+    Args:
+        publishers: Publishers of the messages.
+        seconds: Time limit, s.
+    """
+    end, at_once = time.monotonic() + seconds, Duration()
+    while not all(publisher.wait_for_all_acked(at_once) for publisher in publishers):
+        if time.monotonic() > end:
+            return
+        time.sleep(0.005)
 
 
 class _PolledGroup(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has no types

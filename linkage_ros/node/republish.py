@@ -3,13 +3,11 @@
 """Publishes the messages of a log on its topics, and the log's time on /clock."""
 
 import threading
-import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
@@ -17,7 +15,7 @@ from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.messages.cdr import encode_clock
 from linkage_ros.messages.topics import EFFORT_COMMANDS, SIMULATED_CLOCK, TOPICS, WRENCHES, Topic
-from linkage_ros.node.endpoints import create_publisher, wait_for_subscribers
+from linkage_ros.node.endpoints import create_publisher, wait_for_delivery, wait_for_subscribers
 from linkage_ros.node.parameter_node import given_values
 from linkage_ros.node.process import USER_ERRORS, reported_as_configuration, ros_context, spinning
 from linkage_ros.quantities import shown
@@ -64,7 +62,7 @@ def republishing(
             )
         stack.enter_context(spinning(node))
         publishers = _publishers(node, log, set(topics))
-        stack.callback(_await_receipt, publishers.values())
+        stack.callback(wait_for_delivery, publishers.values(), _LAST_SECONDS)
         if clock_hz is not None:
             stack.enter_context(_publishing_clock(node, position, clock_hz))
         if not wait_for_subscribers(publishers.values(), _DISCOVERY_SECONDS, _MATCH_SECONDS):
@@ -99,15 +97,7 @@ def _publishing_clock(node: Node, position: Callable[[], int], clock_hz: float) 
     finally:
         timer.cancel()
         publish_position()
-        _await_receipt([publisher])
-
-
-def _await_receipt(publishers: Iterable[Publisher]) -> None:
-    """Waits until subscribers have received all messages, at most 2 s."""
-    end = time.monotonic() + _LAST_SECONDS
-    for publisher in publishers:
-        left = max(0.0, end - time.monotonic())
-        publisher.wait_for_all_acked(Duration(seconds=left))
+        wait_for_delivery([publisher], _LAST_SECONDS)
 
 
 def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publisher]:
