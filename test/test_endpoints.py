@@ -157,6 +157,14 @@ def test_another_rclpy_is_refused_in_one_line(polled, monkeypatch):
             endpoints.PolledSubscription(node, JOINT_COMMANDS, reject, lambda *_: None)
 
 
+def test_a_publisher_whose_node_is_not_discovered_yet_has_no_name(polled, monkeypatch):
+    node, subscription, *_ = polled
+    other = SimpleNamespace(topic_type='x', node_name='_NODE_NAME_UNKNOWN_', node_namespace='_')
+    monkeypatch.setattr(node, 'get_publishers_info_by_topic', lambda _: [other])
+    (words,) = subscription.mistyped()
+    assert words.startswith('a node publishes x on ')
+
+
 def test_waiting_for_delivery_leaves_the_interpreter_to_other_threads():
     """rclpy holds the interpreter lock for as long as it may wait."""
     asked = []

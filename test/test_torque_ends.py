@@ -324,13 +324,16 @@ def test_a_lost_source_and_its_return_are_reported_before_the_next_report_is_due
     assert output.count(words.decode()) >= 2
 
 
-def test_a_publisher_of_another_type_on_an_input_topic_is_named():
+@pytest.mark.parametrize(
+    ('topic', 'given'),
+    [('/joint_commands', {'drive': 'torque'}), ('/clock', {'use_sim_time': 'true'})],
+)
+def test_a_publisher_of_another_type_on_an_input_topic_is_named(topic, given):
     said = '/diagnostics'
-    with watched([said], *node_arguments(drive='torque')) as (listener, node):
-        listener.node.create_publisher(JointTrajectory, '/joint_commands', 10)
-        words = (
-            b'/listener publishes trajectory_msgs/msg/JointTrajectory on /joint_commands, which'
-        )
+    with watched([said], *node_arguments(**given)) as (listener, node):
+        listener.node.create_publisher(JointTrajectory, topic, 10)
+        words = f'/listener publishes trajectory_msgs/msg/JointTrajectory on {topic}, which'
+        words = words.encode()
         wait_for(lambda: any(words in report for report in listener.received[said]))
         assert words.decode() in stop(node)
 

@@ -31,6 +31,8 @@ _PATIENCE = 0.05  # s, longest wait for a message, by which the end of a node is
 # Number of causes of rejection that are counted separately between two reports, for each linkage.
 # Causes contain received names and values, so a flood of messages may have any number of them.
 _CAUSES = 5
+# Name that rmw gives to a node whose publisher was discovered before it.
+_UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 # Topics of every rclpy node.
 _ROS_TOPICS = ('/rosout', '/parameter_events')
 
@@ -213,7 +215,8 @@ class PolledSubscription:
         for other in self._node.get_publishers_info_by_topic(self.name):
             if other.topic_type != own:
                 node = f'{other.node_namespace.rstrip("/")}/{other.node_name}'
-                words = f'{node} publishes {other.topic_type} on {self.name}, which takes {own}'
+                who = 'a node' if other.node_name == _UNKNOWN_NODE else node
+                words = f'{who} publishes {other.topic_type} on {self.name}, which takes {own}'
                 return [one_line(words)]
         return []
 

@@ -454,7 +454,7 @@ class LiveRun:
         troubles = ['waiting for /clock'] * is_waiting + self._lost
         ended = [*self._ended]  # a copy: the ticker's thread may add to it
         troubles += [f'{name}: the motion has ended' for name in ended if name]
-        for subscription, _ in self._sources():
+        for subscription in self._polled:
             troubles += subscription.mistyped()
         return troubles
 
