@@ -60,7 +60,7 @@ def test_few_missed_ticks_cause_no_warning(missed):
 def test_overload_is_reported_once_and_its_end_once():
     missed = [0] * 10 + [40, 80, 30, 50] * 10 + [0] * 20
     levels, lines = motion(missed)
-    assert lines == [(WARN, health._BUSY), (OK, '192.0 Hz kept')]
+    assert lines == [(WARN, health._BUSY), (OK, f'192.0 Hz kept; before: {health._BUSY}')]
     changes = [later for earlier, later in pairwise(levels) if later != earlier]
     assert changes == [WARN, OK]
 
@@ -125,12 +125,12 @@ def viewer(*parts):
 
 def test_lagging_part_is_reported_once_and_recovers_after_seconds():
     found = viewer(Health('x'), Health('x', 3), Health('x', 3), *[Health('x', 7)] * 12)
-    assert found == [[], [LAGS], *[[]] * 11, ['ok, but items were lost: 7'], []]
+    assert found == [[], [LAGS], *[[]] * 11, [f'ok, but items were lost: 7; before: {LAGS}'], []]
 
 
 def test_losses_while_a_viewer_is_absent_are_not_reported_as_lag():
     gone, back = Health('x', 3, trouble='gone'), Health('x', 7)
-    well = 'ok, but items were lost: 7'
+    well = 'ok, but items were lost: 7; before: gone'
     assert viewer(gone, *[back] * 12) == [['gone'], [well], *[[]] * 11]
     assert viewer(gone, *[back] * 12, Health('x', 9))[-1] == [LAGS]
 

@@ -105,15 +105,19 @@ class HealthMonitor:
             statuses: Statuses from the current report.
 
         Returns:
-            The selected statuses. Errors of parts are omitted, because the parts log them.
+            The selected statuses; those of ends repeat the warning. Errors of parts are omitted,
+            because the parts log them.
         """
-        changed = []
+        changed = list[Status]()
         for status in statuses:
             before = self._last.get(status.name, Status(OK, '', '', {}))
             is_better = status.level < before.level
             is_new_warning = status.level == WARN and status.message != before.message
-            if is_better or is_new_warning:
+            if is_new_warning:
                 changed.append(status)
+            elif is_better:
+                words = f'{status.message}; before: {before.message}'
+                changed.append(status._replace(message=words))
         self._last = {status.name: status for status in statuses}
         return changed
 
