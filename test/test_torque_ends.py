@@ -324,6 +324,29 @@ def test_a_lost_source_and_its_return_are_reported_before_the_next_report_is_due
     assert output.count(words.decode()) >= 2
 
 
+# A node to which all sources seem lost once it has stopped, as if its end took long.
+LATE = """
+import sys
+from linkage_ros.executables import node
+from linkage_ros.node.live_run import LiveRun
+
+pause = LiveRun.pause
+
+def paused(run, *given):
+    run._lost_sources = lambda: ['too late']
+    return pause(run, *given)
+
+LiveRun.pause = paused
+sys.exit(node())
+"""
+
+
+def test_a_source_is_not_lost_to_a_node_that_ends():
+    with watched(['/joint_states'], *node_arguments(), program=LATE) as (listener, node):
+        wait_for(lambda: listener.received['/joint_states'])
+        assert 'too late' not in stop(node)
+
+
 @pytest.mark.parametrize(
     ('topic', 'given'),
     [('/joint_commands', {'drive': 'torque'}), ('/clock', {'use_sim_time': 'true'})],

@@ -450,7 +450,8 @@ class LiveRun:
         """Returns the current warnings about the motion."""
         has_states = any(linkage.state for linkage in self.linkages.values())
         is_waiting = isinstance(self._ticker, SimTimeTicker) and not has_states
-        self._lost = self._lost_sources()
+        if not self._ticker.is_stopped:  # otherwise, nothing is received any more
+            self._lost = self._lost_sources()
         troubles = ['waiting for /clock'] * is_waiting + self._lost
         ended = [*self._ended]  # a copy: the ticker's thread may add to it
         troubles += [f'{name}: the motion has ended' for name in ended if name]

@@ -87,6 +87,11 @@ class Ticker:
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
 
+    @property
+    def is_stopped(self) -> bool:
+        """Whether the thread has ended or is to end."""
+        return self._stop.is_set()
+
     def start(self) -> None:
         """Starts the thread; after a stop, the ticks continue with the next one."""
         self._stop.clear()
