@@ -67,9 +67,12 @@ def called(monkeypatch, capfd):
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Leaves pictures empty, for tests that read only what a command prints or its tables."""
-    figure = pytest.importorskip('matplotlib.figure').Figure
-    monkeypatch.setattr(figure, 'savefig', lambda _, path, **__: Path(path).touch())
+    """Leaves pictures empty, for tests of what a command prints or tabulates; returns figures."""
+    figure, figures = pytest.importorskip('matplotlib.figure').Figure, []
+    monkeypatch.setattr(
+        figure, 'savefig', lambda page, path, **__: figures.append(page) or Path(path).touch()
+    )
+    return figures
 
 
 # The longest files run first, so that no process runs one of them alone at the end.

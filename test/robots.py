@@ -75,18 +75,13 @@ class Made(NamedTuple):
 
     Attributes:
         text: The URDF.
-        joints: Name, zero, ratio and parent link of each joint, by link of the mechanism, in the
-            axes of `plane`.
-        plane: Axes x, y and normal of the linkage as columns, in the root link.
+        joints: Name, zero, ratio and parent link of each joint, by link of the mechanism.
         close: The two links whose origins coincide.
-        gravity: Gravity of the mechanism in `plane`, m/s^2.
     """
 
     text: str
     joints: dict
-    plane: np.ndarray
     close: tuple
-    gravity: np.ndarray
 
 
 def make_robot(values, random, cut='B', axes=None, hip=None):
@@ -181,10 +176,7 @@ def make_robot(values, random, cut='B', axes=None, hip=None):
             weld(f'{name}_arm', name, np.linalg.inv(between) @ end),
         ]
     joints = joints_of(links, above, zeros, signs)
-    return Made(
-        f'<robot name="made">{"".join(parts)}</robot>', joints,
-        plane[:3, :3], ('tip', 'pin'), plane[:3, :3].T @ (0.0, 0.0, -9.81),
-    )  # fmt: skip
+    return Made(f'<robot name="made">{"".join(parts)}</robot>', joints, ('tip', 'pin'))
 
 
 def pivots(values, out):

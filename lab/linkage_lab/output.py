@@ -95,13 +95,8 @@ def doubts(*linkages: Any) -> list[str]:
     return [line for one in linkages for line in notes_on(one)]
 
 
-def load_pose(source: str, linkage: str, at: float | None) -> tuple[Any, list[str]]:
-    """Loads a linkage for one position; its drive need not be able to move it from there.
-
-    Args:
-        source: Parameter file or preset.
-        linkage: Name of the linkage; empty for the only one.
-        at: The position given as --at, rad or m; None without one.
+def load_pose(options: argparse.Namespace) -> tuple[Any, list[str]]:
+    """Loads a linkage for the position --at; its drive need not be able to move it from there.
 
     Returns:
         The configuration, and notes: why the drive cannot move it, and what is doubtful.
@@ -109,7 +104,8 @@ def load_pose(source: str, linkage: str, at: float | None) -> tuple[Any, list[st
     Raises:
         ConfigurationError: The configuration is invalid, or an angle is given for a slide.
     """
-    found, notes = load(source, checks_drive=False).linkage(linkage), list[str]()
+    found = load(options.params, checks_drive=False).linkage(options.linkage)
+    at, notes = options.at, list[str]()
     try:
         found.check_drive()
     except LinkageError as error:

@@ -171,23 +171,23 @@ def test_beyond_its_reach_a_crank_has_no_state():
 
 
 class Planted:
-    """The default integrator with an error injected from a time on."""
+    """The default integrator with an error injected from 1 s on."""
 
-    def __init__(self, problem, since, fault):
-        self.right = INTEGRATORS[1].solve(problem, {})
-        self.since, self.fault = since, fault
+    def __init__(self, problem, fault):
+        self.right, self.fault = INTEGRATORS[1].solve(problem, {}), fault
 
     def at(self, time):
-        return self.right.at(time) if time < self.since else self.fault(self.right, time)
+        return self.right.at(time) if time < 1.0 else self.fault(self.right, time)
 
 
-def motion_outcome(fault, *quantity, since=1.0):
+def motion_outcome(fault, *quantity):
     situation = BY_NAME['change point under a torque']
     if quantity:
         case = MotionCase(free_pump(6.0), (0.5, 1.0, 1.5), quantity)
         situation = replace(situation, make=lambda *_: case)
-    solve = lambda problem, _: Planted(problem, since, fault)  # noqa: E731
-    return measured(Method('planted', 'motion', '', '', solve), situation)
+    return measured(
+        Method('planted', 'motion', '', '', lambda problem, _: Planted(problem, fault)), situation
+    )
 
 
 def moved(by):

@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from matplotlib.text import Text
 from pages import ROOT, page_files, read
 from scipy.interpolate import CubicSpline
@@ -291,16 +290,14 @@ def costs_by_operations(_, models, rounds):
 
 
 def test_labels_of_reduced_models_are_inside_and_not_over_each_other(
-    tmp_path, called, monkeypatch
+    tmp_path, called, monkeypatch, undrawn
 ):
-    figures, save = [], Figure.savefig
-    monkeypatch.setattr(
-        Figure, 'savefig', lambda *given, **rest: figures.append(given[0]) or save(*given, **rest)
-    )
     monkeypatch.setattr(Economy, '_costs', costs_by_operations)
     words = 'economy', 'wiper', '--rpm', '45', '--quick', '--out', tmp_path
     assert called(command_line, *words)[0] == 0
-    _, reduced, _ = figures[0].axes
+    (figure,) = undrawn
+    figure.draw_without_rendering()
+    _, reduced, _ = figure.axes
     texts = [text for text in reduced.texts if text.get_visible() and text.get_text()]
     boxes = [text.get_window_extent() for text in texts]
     assert {'1', '32', '8', '64'} <= {text.get_text() for text in texts}
@@ -381,17 +378,13 @@ def test_torque_drives_mechanism_and_flywheel_at_every_angle(preset):
     check_balance(configuration.mechanism, cycle)
 
 
-def test_large_torques_and_powers_have_no_exponents(tmp_path, called, monkeypatch):
-    pages, save = [], Figure.savefig
-    monkeypatch.setattr(
-        Figure, 'savefig', lambda *given, **rest: pages.append(given[0]) or save(*given, **rest)
-    )
+def test_large_torques_and_powers_have_no_exponents(tmp_path, called, undrawn):
     options = '--rpm', 9000, '--fluctuation', 0.05, '--out', tmp_path
     code, said, _ = called(command_line, 'motion', 'compressor', *options)
     assert code == 0
-    texts = [text.get_text() for page in pages for text in page.findobj(Text)]
+    texts = [text.get_text() for page in undrawn for text in page.findobj(Text)]
     found = [words for words in (said, *texts) if re.search(r'\de\+', words)]
-    assert len(pages) == 2
+    assert len(undrawn) == 2
     assert not found
 
 

@@ -134,7 +134,7 @@ def sketch(options: argparse.Namespace) -> None:
         ConfigurationError: The mechanism or an option is invalid, or a file cannot be written.
         UnreachableError: The mechanism cannot be at the position.
     """
-    design, notes = load_pose(options.params, options.linkage, options.at)
+    design, notes = load_pose(options)
     name = name_of(options.params, design)
     sketched = sketch_of(design, options.at)
     lines = [*describe(sketched)]

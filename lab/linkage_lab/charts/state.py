@@ -57,7 +57,7 @@ def state(options: argparse.Namespace) -> None:
         UnreachableError: No assembly exists at this position.
     """
     table = options.csv and new_file(options, options.csv)
-    design, notes = load_pose(options.params, options.linkage, options.at)
+    design, notes = load_pose(options)
     place, speed, words = position_and_speed(design, options)
     found, more = snapshots(design, place, speed, options.acceleration)
     cli.print_notes([*notes, *more])
