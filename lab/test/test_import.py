@@ -785,8 +785,10 @@ GAZEBO = """<gazebo><joint name="pin" type="{}"><parent>rod</parent><child>shank
 @pytest.mark.parametrize('kind', ['revolute', 'ball'])
 def test_gazebo_joint_closes_the_loop_of_a_urdf(kind, run):
     expected, _ = run(LEG, *CLOSE)
-    values, _ = run(LEG.replace('</robot>', GAZEBO.format(kind)), *CLOSE[:2])
+    values, printed = run(LEG.replace('</robot>', GAZEBO.format(kind)), *CLOSE[:2])
     assert same_linkage(values, expected)
+    assert 'drawing.pins.pin' in values
+    assert 'pin closes the loop: its value is not published' in printed
     prismatic = GAZEBO.format('universal')
     assert_refused(*run(LEG.replace('</robot>', prismatic), *CLOSE[:2]), "'pin' is universal")
 
