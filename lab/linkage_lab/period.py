@@ -210,11 +210,6 @@ class Period:
         return f'{link}.{word}'
 
     @property
-    def crank_angles(self) -> Array:
-        """The crank angles, unwrapped, rad."""
-        return self.motion(self.solver.links[0], 'position').values
-
-    @property
     def time(self) -> Array:
         """Time from the first crank angle to each crank angle, in either direction, s."""
         if self.across is OVER_TIME:

@@ -225,7 +225,8 @@ def _shown(period: Period) -> int:
     """
     drawn = period.solver.mechanism.drawn
     if drawn is None:
-        apart = np.exp(1j * period.crank_angles) - cmath.rect(1.0, math.radians(DRAWN_AT))
+        crank = period.motion(period.solver.links[0], 'position').values
+        apart = np.exp(1j * crank) - cmath.rect(1.0, math.radians(DRAWN_AT))
     elif period.driven.slides:
         apart = period.crank - drawn.position
     else:

@@ -262,7 +262,8 @@ def _draw_panels(figure: Figure, drawn: Sequence[Panel], period: Period, layout:
     columns, down, high = layout.columns, layout.down, layout.row
     for column in range(columns):
         group = drawn[column * down : (column + 1) * down]
-        letters = max((_letters(panel) for panel in group), default=0)
+        names = [_short(x.name) for panel in group if panel.has_names for x in panel.curves]
+        letters = max(map(len, names), default=0)
         right = LEADER + 0.05 + _LETTER * letters if letters else _RIGHT
         left, wide = column * WIDTH / columns + _LEFT, WIDTH / columns - _LEFT - right
         for i, panel in enumerate(group):
@@ -272,11 +273,6 @@ def _draw_panels(figure: Figure, drawn: Sequence[Panel], period: Period, layout:
             axes.tick_params(labelbottom=i == len(group) - 1)
         if group:
             axes.set_xlabel(f'{period.across.name}, {period.across.unit}', labelpad=1)
-
-
-def _letters(panel: Panel) -> int:
-    """Returns the length of the longest name at the end of a curve."""
-    return max(len(_short(curve.name)) for curve in panel.curves) if panel.has_names else 0
 
 
 def _short(name: str) -> str:

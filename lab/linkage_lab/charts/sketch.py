@@ -49,7 +49,6 @@ _STEPS_OF_LAW = 240  # in each repetition of a law
 HIGH, _LINE, _ROOM = 6.2, 0.165, 0.35
 _CHARACTERS = 118  # in a line of text
 _PLACES_OF_LOADS = 'link', 'to', 'pin'  # parameters of loads that are in the words on their links
-_ARROW = 9.0  # length of the arrow of a link's direction, points
 _MARKS = 4.0  # length of the arrow of a slide's direction, in marks of the drawing
 # Places of a dimension along its bar, the preferred ones first; the distance from other lines that
 # is enough, relative to the size of the drawing; and how far from a bar a pin divides it, relative
@@ -401,7 +400,8 @@ def _line_ends(design: Any, structure: Any) -> dict[str, tuple[Any, Any]]:
     An end is a point of the structure, or a fixed place, x + iy, m.
     """
     given = design.drawn_mechanism
-    cylinder_of = {x.name: x.cylinder for x in getattr(given, 'loads', ()) if _cylinder(x)}
+    loads = getattr(given, 'loads', ())
+    cylinder_of = {x.name: x.cylinder for x in loads if getattr(x, 'cylinder', '')}
     ends = dict[str, tuple[Any, Any]]()
     for load in design.mechanism.loads:
         if isinstance(load, Spring):
@@ -416,10 +416,6 @@ def _line_ends(design: Any, structure: Any) -> dict[str, tuple[Any, Any]]:
         if cylinder.name != drawing.input and cylinder.name not in cylinder_of.values():
             ends[cylinder.name] = points.get(cylinder.from_), points.get(cylinder.to)
     return ends
-
-
-def _cylinder(load: Any) -> str:
-    return getattr(load, 'cylinder', '')
 
 
 def _loads(design: Any, structure: Any) -> Iterator[str]:

@@ -105,12 +105,7 @@ class Multibody:
         self._bodies = [_body(links, i, number, length) for i in range(len(links))]
         # The first closure is that of the loop, the others those of added dyads.
         self._closures = [
-            _Closure(
-                _closure_weights(closure, links[j], j, number, length),
-                _closure_constant(closure, links[j], length),
-                _moving_guide(links, j, unit, length),
-            )
-            for closure, j in structure.closures
+            _closure(closure, links, j, number, unit, length) for closure, j in structure.closures
         ]
         if isinstance(mechanism, (FourBar, InvertedSliderCrank)):
             # The structure has the components of the pivot in doubles.
@@ -266,36 +261,24 @@ def _body(
     return _Body(number(link.mass), number(link.inertia), spin, center)
 
 
-def _closure_weights(
+def _closure(
     closure: Point,
-    last: Link,
+    links: Sequence[Link],
     j: int,
     number: Callable[[float], Any],
+    unit: Callable[[float], Vector],
     length: Callable[[float], Any],
-) -> dict[int, Vector]:
-    """Returns the vectors of a gap, of which that of the last link, j, may be its position."""
-    weights = _vectors(closure.weights, length)
-    if last.is_guided:
-        weights[j] = Vector(number(-1.0), number(0.0))
-    return weights
-
-
-def _closure_constant(closure: Point, last: Link, length: Callable[[float], Any]) -> Vector:
-    """Returns the part of a gap that does not move."""
-    fixed = closure.fixed - last.origin if last.is_guided else closure.fixed
-    return Vector(length(fixed.real), length(fixed.imag))
-
-
-def _moving_guide(
-    links: Sequence[Link], j: int, unit: Callable[[float], Vector], length: Callable[[float], Any]
-) -> _MovingGuide | None:
-    """Returns the guide of a link if it slides on a moving link, otherwise None."""
+) -> _Closure:
+    """Returns the gap that is closed by link j, which may slide on a moving link."""
     link = links[j]
-    if not link.slides or link.parent is None:
-        return None
-    origin = Vector(length(link.origin.real), length(link.origin.imag))
-    spin, angle = axes_of(links, link.parent)
-    return _MovingGuide(j, origin, unit(angle or 0.0), spin)
+    weights, fixed, guide = _vectors(closure.weights, length), closure.fixed, None
+    if link.is_guided:  # its vector is its position
+        weights[j], fixed = Vector(number(-1.0), number(0.0)), fixed - link.origin
+    if link.slides and link.parent is not None:
+        origin = Vector(length(link.origin.real), length(link.origin.imag))
+        spin, angle = axes_of(links, link.parent)
+        guide = _MovingGuide(j, origin, unit(angle or 0.0), spin)
+    return _Closure(weights, Vector(length(fixed.real), length(fixed.imag)), guide)
 
 
 def _constants(x: Any, number: Callable[[float], Any]) -> Any:

@@ -217,12 +217,8 @@ class Run:
         low, high = prescribed.low, prescribed.high
         first, last = (math.ceil((end - reach.fast) / math.pi) for end in (low, high))
         in_line = (reach.fast + i * math.pi for i in range(first, last))
-        sines = (self._dyad_sine(crank) for crank in (low, *in_line, high))
-        return math.asin(min(sines))
-
-    def _dyad_sine(self, crank: float) -> float:
-        """Computes the sine of the transmission angle at a crank angle, rad."""
-        return float(self.solver.dyad_sines((crank, 0.0))[0].sine)
+        cranks = (low, *in_line, high)
+        return math.asin(min(self.solver.dyad_sines((crank, 0.0))[0].sine for crank in cranks))
 
 
 class Need(NamedTuple):
