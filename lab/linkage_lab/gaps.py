@@ -124,29 +124,17 @@ def _distances(speed: float) -> Array:
 
 
 def _at_gaps(beside: Array, neighbor: Array, least: float) -> Array:
-    """Returns the values of a column at gaps: its limits, or infinity where there is none.
-
-    Args:
-        beside: Values beside the gaps; see `_limits`.
-        neighbor: Value at the nearest place with values. Infinity has its sign where no value
-            beside the gap exists.
-        least: Values below it are rounding errors.
-    """
-    limit, nearest = _limits(beside, least), beside[-1, 0]
-    with_sign = np.where(np.isnan(nearest), neighbor, nearest)
-    return np.where(np.isnan(limit), np.copysign(np.inf, with_sign), limit)
-
-
-def _limits(beside: Array, least: float) -> Array:
-    """Extrapolates a column to gaps.
+    """Extrapolates a column to gaps, from the distance at which its limit changes least.
 
     Args:
         beside: Values beside the gaps at one, two and three times each distance, the smallest
             distance last, shape (distances, 3, gaps).
+        neighbor: Value at the nearest place with values. Infinity has its sign where no value
+            beside the gap exists.
         least: Values below it are rounding errors.
 
     Returns:
-        The limit at each gap from the distance at which it changes least; NaN if there is none.
+        The limit at each gap, or infinity where there is none.
     """
     near, far, _ = beside[-1]
     grows = ~(np.abs(near) <= np.maximum(_GROWS * np.abs(far), least))
@@ -154,7 +142,8 @@ def _limits(beside: Array, least: float) -> Array:
     changes = np.nan_to_num(np.abs(np.diff(limits, axis=0)), nan=np.inf)
     best = 1 + changes.argmin(axis=0)
     limit = np.take_along_axis(limits, best[None], axis=0)[0]
-    return np.where(grows | ~np.isfinite(limit), np.nan, limit)
+    infinite = np.copysign(np.inf, np.where(np.isnan(near), neighbor, near))
+    return np.where(grows | ~np.isfinite(limit), infinite, limit)
 
 
 def _possible(
