@@ -168,8 +168,10 @@ class Run:
         return peaks(self.samples.x, magnitudes, lambda places: np.abs(self.efforts(places)))[0]
 
     @cached_property
-    def shaking_in_line(self) -> float:
-        """Largest force on the frame in a motion that passes a change point, N, as in charts."""
+    def shaking_force(self) -> float:
+        """Largest force on the frame, N, as in charts."""
+        if not self.is_in_line:
+            return float(self.peaks[1])
         x, motion = self.samples
         position, speed, *_ = motion(x)
         speeds = np.broadcast_to(speed, len(x))
@@ -278,68 +280,7 @@ class Measure(NamedTuple):
         return all(need.is_met(task) for need in self.needs)
 
 
-MEASURES: dict[str, Measure] = {}
-
-
-def measure(
-    unit: str, *needs: Need, name: str = ''
-) -> Callable[[Callable[[Run], float]], Callable[[Run], float]]:
-    """Declares a function of a run as a measure, under its own name or another one."""
-
-    def declared(of: Callable[[Run], float]) -> Callable[[Run], float]:
-        MEASURES[name or of.__name__] = Measure(unit, of, needs)
-        return of
-
-    return declared
-
-
-@measure('N', _SPEED, _DRIVEN_SLIDE, name='peak_force')
-@measure('N m', _SPEED, _DRIVEN_CRANK)
-def peak_torque(run: Run) -> float:
-    """Computes the largest driving torque or force."""
-    return float(run.peaks[0])
-
-
-@measure('N', _SPEED, _DRIVEN_SLIDE, name='rms_force')
-@measure('N m', _SPEED, _DRIVEN_CRANK)
-def rms_torque(run: Run) -> float:
-    """Computes the root mean square over time of the driving torque or force."""
-    return math.sqrt(mean(run.samples.x, run.sampled[0] ** 2))
-
-
-@measure('N', _SPEED)
-def shaking_force(run: Run) -> float:
-    """Computes the largest force on the frame."""
-    return run.shaking_in_line if run.is_in_line else float(run.peaks[1])
-
-
-@measure('deg', _SWINGS)
-def swing(run: Run) -> float:
-    """Computes the angle between the extreme positions of the output."""
-    return math.degrees(run.output_range)
-
-
-@measure('m', _SLIDES)
-def stroke(run: Run) -> float:
-    """Computes the distance between the extreme positions of the output."""
-    return run.output_range
-
-
-@measure('', _WHOLE_TURNS)
-def time_ratio(run: Run) -> float:
-    """Computes the ratio of the longer to the shorter crank rotation between reversals."""
-    ratio = run.travel.time_ratio
-    return math.nan if ratio is None else ratio
-
-
-@measure('deg', _TRANSMISSION)
-def transmission_angle(run: Run) -> float:
-    """Computes the smallest transmission angle, measured as an acute angle."""
-    return math.degrees(run.transmission)
-
-
-@measure('m', _POINTS, _WHOLE_TURNS)
-def point_distance(run: Run) -> float:
+def _point_distance(run: Run) -> float:
     """Computes the largest distance of the given points from the path of the traced point."""
     solver, points = run.solver, np.array(run.task.points)
     constants = Constants((solver.model.loop, solver.structure.points[run.task.point]))
@@ -419,3 +360,35 @@ def _path_motion(constants: Any, angle: Real) -> tuple[Real, ...]:
         [link.curvature[0] for link in links],
     )
     return tuple(component for vector in vectors for component in vector)
+
+
+def _time_ratio(run: Run) -> float:
+    """Computes the ratio of the longer to the shorter crank rotation between reversals."""
+    ratio = run.travel.time_ratio
+    return math.nan if ratio is None else ratio
+
+
+def _peak(run: Run) -> float:
+    """Computes the largest driving torque or force."""
+    return float(run.peaks[0])
+
+
+def _rms(run: Run) -> float:
+    """Computes the root mean square over time of the driving torque or force."""
+    return math.sqrt(mean(run.samples.x, run.sampled[0] ** 2))
+
+
+MEASURES = {
+    'peak_torque': Measure('N m', _peak, (_SPEED, _DRIVEN_CRANK)),
+    'peak_force': Measure('N', _peak, (_SPEED, _DRIVEN_SLIDE)),
+    'rms_torque': Measure('N m', _rms, (_SPEED, _DRIVEN_CRANK)),
+    'rms_force': Measure('N', _rms, (_SPEED, _DRIVEN_SLIDE)),
+    'shaking_force': Measure('N', lambda run: run.shaking_force, (_SPEED,)),
+    'swing': Measure('deg', lambda run: math.degrees(run.output_range), (_SWINGS,)),
+    'stroke': Measure('m', lambda run: run.output_range, (_SLIDES,)),
+    'time_ratio': Measure('', _time_ratio, (_WHOLE_TURNS,)),
+    'transmission_angle': Measure(
+        'deg', lambda run: math.degrees(run.transmission), (_TRANSMISSION,)
+    ),
+    'point_distance': Measure('m', _point_distance, (_POINTS, _WHOLE_TURNS)),
+}
