@@ -139,6 +139,17 @@ def values(path):
     return [(message.time, message.data) for message in logged(path)[1]['/driving_torque']]
 
 
+def test_log_that_cannot_be_begun_leaves_no_file(tmp_path):
+    path, limits = tmp_path / 'run.mcap', resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
+    try:
+        with pytest.raises(LogError, match=r'cannot be written: File too large$'):
+            begun(path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    begun(path).close()  # the name is not taken
+
+
 @pytest.mark.parametrize('end', [LogWriter.flush, LogWriter.close])
 def test_removed_log_can_be_saved_while_its_process_runs(tmp_path, end):
     log = begun(tmp_path / 'run.mcap')

@@ -48,7 +48,7 @@ class LogFile:
 
     Attributes:
         path: Path of the file, for error messages.
-        advice: End of the error message if the file cannot be written.
+        advice: End of the error message if the file cannot be written; empty at first.
         stream: The open file.
     """
 
@@ -64,7 +64,7 @@ class LogFile:
                 replaced, is not an MCAP file, is a pipe, is being written by another run, or
                 cannot be created.
         """
-        self.path, self.advice = path, '; linkage_log recover saves its contents'
+        self.path, self.advice = path, ''
         if overwrite:
             keep_other_files(path)
         require_name(path)
@@ -123,6 +123,13 @@ class LogFile:
         """Closes the file."""
         with suppress(OSError):  # closing tries once more to flush unwritten data
             self.stream.close()
+
+    def remove(self) -> None:
+        """Closes and removes the file, unless it is a device."""
+        self.close()
+        with suppress(OSError):
+            if Path(self.path).is_file():
+                Path(self.path).unlink()
 
 
 class DiskSync:

@@ -88,7 +88,7 @@ def recover(
             replacement(target, LogError, overwrite=overwrite, cure='give --overwrite') as path,
             LogWriter(path, None, overwrite=True) as new,
         ):
-            new.file.path, new.file.advice = target, ''
+            new.file.path = target
             try:
                 return _Copy(McapFile(stream), new).run(progress)
             except LogError as error:

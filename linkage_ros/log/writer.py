@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from mcap.records import Channel, Metadata, Schema
 
-from linkage_ros.errors import LinkageError
+from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.disk import LogFile
 from linkage_ros.log.mcap_writer import CHUNK_SIZE, McapWriter
 from linkage_ros.log.records import (
@@ -88,7 +88,12 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self.has_end = configuration is not None
         if configuration is not None:
             self._add(CONFIGURATION_RECORD, encode_configuration(configuration))
-            self.flush()
+            try:
+                self.flush()
+            except LogError:
+                self.file.remove()  # it would refuse the next attempt
+                raise
+            self.file.advice = '; linkage_log recover saves its contents'
 
     def _add(self, name: str, fields: dict[str, str]) -> None:
         self.mcap.add_metadata(Metadata(name, fields))
