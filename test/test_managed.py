@@ -547,6 +547,42 @@ def test_a_program_may_supervise_the_node_and_end_ros_before_it(tmp_path):
     assert [segment.rpm for segment in LogReader(path).motions['']] == [150.0, 30.0]
 
 
+# A program whose parameters are refused twice, and which starts the node in every way.
+REPEATED = """
+import sys, threading, rclpy
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+from linkage_ros import MechanismError
+from linkage_ros.cli import Stop
+from linkage_ros.node.linkage_node import LinkageNode
+rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+stop = Stop()
+for length in (9.0, 9.0, 0.1):
+    given = {'crank.length': length, 'log': sys.argv[1]}
+    overrides = [Parameter(name, value=value) for name, value in given.items()]
+    try:
+        node = LinkageNode(stop, parameter_overrides=overrides)
+    except MechanismError:
+        pass
+node.start()
+node.start()
+threading.Timer(1.0, stop.set).start()
+code = node.work()
+node.start()
+node.destroy_node()
+rclpy.shutdown()
+sys.exit(code or node.end())
+"""
+
+
+def test_a_node_is_started_once_and_destroyed_if_it_is_refused(tmp_path):
+    path = tmp_path / 'run.mcap'
+    done = finished(REPEATED, path)
+    assert (done.returncode, 'Traceback' in done.stderr) == (0, False), done.stderr
+    assert 'already registered' not in done.stderr
+    assert verified(path).states > 0
+
+
 def test_a_torque_is_refused_where_a_signal_would_end_ros_before_it():
     program = COMPOSED.read_text().replace('SignalHandlerOptions.NO', 'SignalHandlerOptions.ALL')
     given = {**read_values('quadrilateral'), 'effort_command_topic': EFFORTS}

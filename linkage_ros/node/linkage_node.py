@@ -87,13 +87,17 @@ class LinkageNode(LifecycleNodeMixin, ParameterNode):  # type: ignore[misc]  # r
         # Held by transitions of a managed node, by reports, and by the end.
         self._lock = threading.RLock()
         self._thread: threading.Thread | None = None  # see `start`
-        with reported_as_configuration():  # a remapped name may be invalid
-            self._diagnostics = create_publisher(self, DIAGNOSTICS)
         self._on_failure: Callable[[], object] = self._stop.set
-        if _MANAGED.clean('managed', self.given.get('managed', False)):
-            self._manage()
-        else:
-            self._configure()
+        try:
+            with reported_as_configuration():  # a remapped name may be invalid
+                self._diagnostics = create_publisher(self, DIAGNOSTICS)
+            if _MANAGED.clean('managed', self.given.get('managed', False)):
+                self._manage()
+            else:
+                self._configure()
+        except BaseException:
+            self.destroy_node()  # the caller has no node to destroy
+            raise
 
     def _manage(self) -> None:
         """Becomes a lifecycle node, which is unconfigured."""
@@ -139,14 +143,16 @@ class LinkageNode(LifecycleNodeMixin, ParameterNode):  # type: ignore[misc]  # r
     # ------------------------------------------------------------ from start to end
 
     def start(self) -> None:
-        """Runs `work` in a thread, in a program with an executor of its own."""
-        self._thread = threading.Thread(target=self.work, name=_NAME, daemon=True)
-        self._thread.start()
+        """Runs `work` in a thread, once, in a program with an executor of its own."""
+        if not self._thread:
+            self._thread = threading.Thread(target=self.work, name=_NAME, daemon=True)
+            self._thread.start()
 
     def work(self) -> int:
         """Runs the motion, unless the node is managed, until the end; returns the exit code."""
-        if self._run and not self._state:
-            self._run.start()
+        with self._lock:
+            if self._run and not self._state:
+                self._run.start()
         self._report_until_stop()
         return self._end()
 

@@ -93,7 +93,9 @@ class Ticker:
         return self._stop.is_set()
 
     def start(self) -> None:
-        """Starts the thread; after a stop, the ticks continue with the next one."""
+        """Starts the thread, if none runs; after a stop, the ticks continue with the next one."""
+        if self._thread and self._thread.is_alive():
+            return
         self._stop.clear()
         self._thread = threading.Thread(target=self._run, name='ticker', daemon=True)
         self._thread.start()
