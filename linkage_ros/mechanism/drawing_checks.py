@@ -10,7 +10,7 @@ import itertools
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, NamedTuple
 
@@ -54,6 +54,7 @@ class Outline:
 
     Attributes:
         drawing: The drawing.
+        forgotten: Pins without a place that several parts have: they are not misspelt.
         mistakes: The mistakes in the lists of pins.
         frame: The frame.
         links: The links.
@@ -72,17 +73,19 @@ class Outline:
             drawing: A `drawing.Drawing`.
         """
         self.drawing, self.mistakes = drawing, list[str]()
-        self._forgotten = _forgotten_pins(drawing)
+        links = [(f'drawing.links.{x.name}', x, x.pins) for x in drawing.links]
+        slides = [(f'drawing.slides.{x.name}', x, x.all_pins) for x in drawing.slides]
+        cylinders = [
+            (f'drawing.cylinders.{x.name}', x, (x.from_, x.to)) for x in drawing.cylinders
+        ]
+        lists = [drawing.frame, *(pins for _, _, pins in (*links, *slides, *cylinders))]
+        pins_of_parts = [{*pins} - {UNKNOWN} for pins in lists if pins is not UNKNOWN]
+        uses = Counter(pin for pins in pins_of_parts for pin in pins)
+        self.forgotten = [pin for pin in uses if pin not in drawing.pins and uses[pin] > 1]
         self.frame = self._read('drawing.frame', None, drawing.frame)
-        self.links = [self._read(f'drawing.links.{x.name}', x, x.pins) for x in drawing.links]
-        self.slides = [
-            self._read(f'drawing.slides.{x.name}', x, x.all_pins) for x in drawing.slides
-        ]
-        self.cylinders = [
-            self._read(f'drawing.cylinders.{x.name}', x, (x.from_, x.to))
-            for x in drawing.cylinders
-        ]
-        self._note_forgotten_pins()
+        self.links = [self._read(*link) for link in links]
+        self.slides = [self._read(*slide) for slide in slides]
+        self.cylinders = [self._read(*cylinder) for cylinder in cylinders]
         self.names = [x.part.name for x in self.parts]
         self.input = self._known(drawing.input, self.names)
         bodies = [FRAME_NAME, *(x.part.name for x in (*self.links, *self.slides))]
@@ -94,15 +97,6 @@ class Outline:
             x.is_certain and len(x.pins) >= self.least(x.part) for x in self.parts
         )
         self.is_certain = bool(self.input) and all(self.guides.values()) and has_all_pins
-
-    def _note_forgotten_pins(self) -> None:
-        """Adds the mistake of each pin that parts have and that has no place."""
-        for name in self._forgotten:
-            owners = ', '.join(x.label for x in (self.frame, *self.parts) if name in x.pins)
-            self.mistakes.append(
-                f'drawing.pins.{name} is missing, a pin of {owners}: write its place [x, y]'
-                f'{did_you_mean(name, self.drawing.pins)}'
-            )
 
     @property
     def parts(self) -> list[_Part]:
@@ -149,7 +143,7 @@ class Outline:
     def _meant(self, label: str, name: str, others: Sequence[str]) -> str:
         """Returns the pin that is meant by a name, or ''."""
         pins = self.drawing.pins
-        if name in pins or name in self._forgotten:
+        if name in pins or name in self.forgotten:
             return name
         meant = resembling(name, [pin for pin in pins if pin not in others])
         cure = f'; did you mean {meant}?' if meant else (
@@ -157,19 +151,6 @@ class Outline:
         )  # fmt: skip
         self.mistakes.append(f'{label}: no pin {shown(name)} in drawing.pins{cure}')
         return meant
-
-
-def _forgotten_pins(drawing: Any) -> list[str]:
-    """Returns the pins without a place that several parts have: they are not misspelt."""
-    lists = [
-        drawing.frame,
-        *(x.pins for x in drawing.links),
-        *(x.all_pins for x in drawing.slides),
-        *((x.from_, x.to) for x in drawing.cylinders),
-    ]
-    pins_of_parts = [{*pins} - {UNKNOWN} for pins in lists if pins is not UNKNOWN]
-    uses = Counter(pin for pins in pins_of_parts for pin in pins)
-    return [pin for pin, count in uses.items() if pin not in drawing.pins and count > 1]
 
 
 def mistakes_of(drawing: Any) -> Iterator[str]:
@@ -204,31 +185,28 @@ def mistakes_of_places(drawing: Any, loads: Any, points: Any) -> Iterator[str]:
         if cylinder := getattr(load, 'cylinder', ''):
             yield from _bad_cylinder_of_load(outline, f'{load.label}.cylinder', cylinder)
             continue
-        kinds = {x.name: getattr(x.metadata.get('quantity'), 'kind', '') for x in fields(load)}
-        for link, at, pin in (('link', 'at', 'pin'), ('to', 'to_at', 'to_pin')):
-            if link in kinds and kinds.get(at) == 'pair':  # a curve has a list
-                words = _PlaceWords(load.label, link, at, pin)
-                values = (getattr(load, word) for word in (link, at, pin))
-                yield from _bad_place(outline, words, *values)
+        for words in place_words(load):
+            values = (getattr(load, word) for word in words)
+            yield from _bad_place(outline, load.label, words, *values)
     for point in () if points is UNKNOWN else points:
-        words = _PlaceWords(f'points.{point.name}', 'link', 'at', '')
-        yield from _bad_place(outline, words, point.link, point.at, '')
+        label, words = f'points.{point.name}', PlaceWords('link', 'at', '')
+        yield from _bad_place(outline, label, words, point.link, point.at, '')
 
 
-class _PlaceWords(NamedTuple):
-    """The parameters of a place of a load or a point.
+class PlaceWords(NamedTuple):
+    """The parameters of a place of a load or a point: its link, the place on it, or a pin."""
 
-    Attributes:
-        owner: Name of the load or point.
-        link: Parameter of the link.
-        at: Parameter of the place on it.
-        pin: Parameter of the pin instead; empty if there is none.
-    """
-
-    owner: str
     link: str
     at: str
     pin: str
+
+
+def place_words(load: Any) -> list[PlaceWords]:
+    """Returns the parameters of the places of a load."""
+    kinds = {x.name: getattr(x.metadata.get('quantity'), 'kind', '') for x in fields(load)}
+    words = PlaceWords('link', 'at', 'pin'), PlaceWords('to', 'to_at', 'to_pin')
+    # A curve has a list of angles or positions.
+    return [x for x in words if x.link in kinds and kinds.get(x.at) == 'pair']
 
 
 def _bad_cylinder_of_load(outline: Outline, label: str, name: str) -> Iterator[str]:
@@ -244,61 +222,41 @@ def _bad_cylinder_of_load(outline: Outline, label: str, name: str) -> Iterator[s
 
 
 def _bad_place(
-    outline: Outline, words: _PlaceWords, link: str, at: Any, pin: str
+    outline: Outline, label: str, words: PlaceWords, link: str, at: Any, pin: str
 ) -> Iterator[str]:
-    """Yields the mistake in a place of a load or a point.
-
-    Args:
-        outline: The drawing.
-        words: The parameters.
-        link: Name of the link; empty if there is none.
-        at: Place on the link.
-        pin: Name of the pin instead; empty if there is none.
-    """
+    """Yields the mistake in a place of a load or a point, given by a link or a pin, or both."""
     bodies = {FRAME_NAME: outline.frame.pins, **outline.bodies}
-    if words.pin != 'to_pin':  # a force on the frame does nothing, and a point of it does not move
+    is_second_end = words.link == 'to'
+    if not is_second_end:  # a force on the frame does nothing, and a point of it does not move
         del bodies[FRAME_NAME]
-    if pin:
-        yield from _bad_pin(outline, bodies, words, link, pin)
+    pins = outline.drawing.pins
+    owners = [name for name, own_pins in bodies.items() if pin in own_pins]
+    is_default = is_second_end and link == FRAME_NAME
+    if pin and pin not in pins:
+        hint = did_you_mean(pin, pins)
+        yield f'{label}.{words.pin}: no pin {shown(pin)}; must be one of {listed(pins)}{hint}'
+    elif pin and link:
+        if owners and link not in owners and not is_default:
+            yield (
+                f'{label}.{words.pin}: no link {shown(link)} at the pin {pin}; must be one of '
+                f'{listed(owners)}'
+            )
+    elif pin:
+        if pin in outline.frame.pins and not is_second_end:
+            beside = f', or a link beside it: link: {" or ".join(owners)}' if owners else ''
+            yield (
+                f'{label}.{words.pin} = {pin}: a force on a fixed pin does nothing; give another '
+                f'pin{beside}'
+            )
     elif link and link not in bodies:
         why = 'the frame does not move; ' if link == FRAME_NAME else ''
         yield (
-            f'{words.owner}.{words.link} = {shown(link)}: {why}must be one of '
-            f'{listed(bodies)}{did_you_mean(link, bodies)}'
+            f'{label}.{words.link} = {shown(link)}: {why}must be one of {listed(bodies)}'
+            f'{did_you_mean(link, bodies)}'
         )
     elif link and at is None:
         instead = f', or {words.pin}' if words.pin else ''
-        yield (f'{words.owner}.{words.at} is missing: give the place on {link} as drawn{instead}')
-
-
-def _bad_pin(
-    outline: Outline,
-    bodies: Mapping[str, Collection[str]],
-    words: _PlaceWords,
-    link: str,
-    pin: str,
-) -> Iterator[str]:
-    """Yields the mistake in a pin of a load: it does not exist, or is not on the given link.
-
-    Args:
-        outline: The drawing.
-        bodies: Names of the pins of each body that may have the load, by its name.
-        words: The parameters.
-        link: Name of the link; empty if there is none.
-        pin: Name of the pin.
-    """
-    label, pins = f'{words.owner}.{words.pin}', outline.drawing.pins
-    if pin not in pins:
-        hint = did_you_mean(pin, pins)
-        yield f'{label}: no pin {shown(pin)}; must be one of {listed(pins)}{hint}'
-        return
-    owners = [name for name, own_pins in bodies.items() if pin in own_pins]
-    is_default = words.pin == 'to_pin' and link == FRAME_NAME
-    if link and owners and link not in owners and not is_default:
-        yield f'{label}: no link {shown(link)} at the pin {pin}; must be one of {listed(owners)}'
-    elif not link and words.pin == 'pin' and pin in outline.frame.pins:
-        beside = f', or a link beside it: link: {" or ".join(owners)}' if owners else ''
-        yield f'{label} = {pin}: a force on a fixed pin does nothing; give another pin{beside}'
+        yield f'{label}.{words.at} is missing: give the place on {link} as drawn{instead}'
 
 
 def contradictions(drawing: Any) -> list[str]:
@@ -387,6 +345,12 @@ def _bad_input(outline: Outline) -> Iterator[str]:
 def _bad_lists(outline: Outline) -> Iterator[str]:
     """Yields the mistakes in the lists of pins."""
     yield from outline.mistakes
+    for pin in outline.forgotten:
+        owners = ', '.join(x.label for x in (outline.frame, *outline.parts) if pin in x.pins)
+        yield (
+            f'drawing.pins.{pin} is missing, a pin of {owners}: write its place [x, y]'
+            f'{did_you_mean(pin, outline.drawing.pins)}'
+        )
     for label, part, pins, is_certain in outline.links:
         if is_certain and len(pins) < outline.least(part):
             single = [pin for pin in outline.single_pins if pin not in pins]
