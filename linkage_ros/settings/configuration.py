@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from linkage_ros.errors import (
     MOST_LISTED,
@@ -291,64 +291,13 @@ def _configured(name: str, given: Mapping[str, object], *, checks_drive: bool) -
     is_preset = 'mechanism' not in given and not name
     preset = read_parameter_file(preset_path(DEFAULT_PRESET)) if is_preset else {}
     mistakes = Mistakes()
-    kind = _kind_of({**preset, **given}, mistakes)
+    kind = build(MechanismAndDrive, {**preset, **given})
+    with mistakes:
+        kind = MechanismAndDrive.of({**preset, **given})
     can_drive = not mistakes
     given, valid = _without_kindless(given, kind, mistakes)
     given = _with_known_names(given, kind, [leaf.name for leaf in valid], mistakes)
-    parts = _built_parts(kind, {**preset, **given}, mistakes, can_drive=can_drive)
-    mistakes.check()
-    if is_preset:
-        _require_harmless(parts.drive)
-    linkage = Linkage(
-        kind,
-        parts.mechanism,
-        parts.drive,
-        parts.session,
-        parts.joints,
-        drawn_mechanism=None if parts.made is parts.mechanism else parts.made,
-        name=name,
-    )
-    linkage.session.require_names(linkage.mechanism, linkage.robot_joints)
-    _require_frame_joint(linkage)
-    if linkage.drive.is_integrated and '' in {joint.name for joint in linkage.robot_joints}:
-        raise ConfigurationError(
-            "joints: a name is '', but with drive: torque each joint must be published, because a "
-            'log of it could not be verified'
-        )
-    if checks_drive:
-        linkage.check_drive()
-    return linkage
-
-
-class _Parts(NamedTuple):
-    """The parts of a linkage; None where there is a mistake.
-
-    Attributes:
-        made: The mechanism as it is given, such as a `DrawnMechanism`.
-        mechanism: The mechanism after its conversion.
-        drive: The drive.
-        session: The session.
-        joints: The settings of joints, by link.
-    """
-
-    made: Any
-    mechanism: Any
-    drive: Any
-    session: Any
-    joints: Any
-
-
-def _built_parts(
-    kind: MechanismAndDrive, values: Mapping[str, object], mistakes: Mistakes, *, can_drive: bool
-) -> _Parts:
-    """Builds the parts of a linkage, and collects their mistakes.
-
-    Args:
-        kind: The kinds of mechanism and drive.
-        values: Values by dotted name; UNKNOWN where a name has a mistake.
-        mistakes: Collects the mistakes.
-        can_drive: Whether the mechanism can have the drive.
-    """
+    values = {**preset, **given}
     made, mechanism = _built_mechanism(kind, values, mistakes)
     if mechanism is not None and mechanism.drawn:
         values = {'crank_angle': mechanism.drawn.crank_angle, **values}
@@ -365,7 +314,15 @@ def _built_parts(
     if mistakes and mechanism and drive and not drive.is_integrated:
         with mistakes, made.suspicion():
             drive.check(mechanism)
-    return _Parts(made, mechanism, drive, session, joints)
+    mistakes.check()
+    if is_preset:
+        _require_harmless(drive)
+    drawn = None if made is mechanism else made
+    linkage = Linkage(kind, mechanism, drive, session, joints, drawn_mechanism=drawn, name=name)
+    _require_joints(linkage)
+    if checks_drive:
+        linkage.check_drive()
+    return linkage
 
 
 def _built_mechanism(
@@ -418,12 +375,18 @@ def _require_compatible(linkages: Sequence[Linkage]) -> None:
             owner_of_joint[name] = linkage.name
 
 
-def _require_frame_joint(linkage: Linkage) -> None:
-    """Rejects a joint of the linkage as the one that turns base_link.
+def _require_joints(linkage: Linkage) -> None:
+    """Rejects names of joints that contradict each other, or the drive.
 
     Raises:
-        ConfigurationError: One joint is both.
+        ConfigurationError: There is such a name.
     """
+    linkage.session.require_names(linkage.mechanism, linkage.robot_joints)
+    if linkage.drive.is_integrated and '' in {joint.name for joint in linkage.robot_joints}:
+        raise ConfigurationError(
+            "joints: a name is '', but with drive: torque each joint must be published, because a "
+            'log of it could not be verified'
+        )
     name = linkage.drive.frame_joint_name
     driven = linkage.mechanism.structure().driven
     for number, own in enumerate(linkage.robot_joints):
@@ -451,18 +414,6 @@ def _require_harmless(drive: Drive) -> None:
             f'{DEFAULT_PRESET} would be wrong for any other machine; set mechanism and its links '
             'in a parameter file (--params-file)'
         )
-
-
-def _kind_of(chosen: Mapping[str, object], mistakes: Mistakes) -> MechanismAndDrive:
-    """Reads mechanism and drive, and collects that the mechanism cannot have the drive.
-
-    Raises:
-        ConfigurationError: One of them is missing or invalid.
-    """
-    kind = build(MechanismAndDrive, chosen)
-    with mistakes:
-        return MechanismAndDrive.of(chosen)
-    return kind
 
 
 def _without_kindless(

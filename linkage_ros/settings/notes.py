@@ -58,7 +58,7 @@ def notes_on(linkage: Linkage) -> list[str]:
         *_zero(linkage),
         *_angles(linkage),
         *_lengths(linkage),
-        *_pins(linkage),
+        *(contradictions(linkage.drawn_mechanism.drawing) if linkage.drawn_mechanism else ()),
         *_places(linkage),
         *_beside_slides(linkage),
         *_masses(linkage),
@@ -193,12 +193,6 @@ def _lengths(linkage: Linkage) -> Iterator[str]:
             yield f'{name} = {value:g} m; did you mean {value:g} mm = {value * 1e-3:g} m?'
         elif value < _SHORT:
             yield f'{name} = {value:g} m = {value * 1e3:g} mm; did you mean {value * 1e3:g} m?'
-
-
-def _pins(linkage: Linkage) -> Iterator[str]:
-    """Notes values that contradict the drawing."""
-    if linkage.drawn_mechanism is not None:
-        yield from contradictions(linkage.drawn_mechanism.drawing)
 
 
 def _longest(linkage: Linkage) -> float:
