@@ -516,7 +516,9 @@ def joint_load_round(
     under_loads = reactions(loaded, q, u, a)
 
     # R_km: the force in joint k under the loads caused by a force of 1 N in joint m alone.
-    weightless = _without_weight_and_inertia(model)
+    nothing: Any = ZERO
+    massless_links = tuple(link._replace(mass=nothing, inertia=nothing) for link in model.links)
+    weightless = model._replace(links=massless_links, gravity=Vector(ZERO, ZERO))
     slopes = []
     for m in range(len(contacts)):
         unit_sizes = [1.0 if k == m else ZERO for k in range(len(contacts))]
@@ -525,12 +527,6 @@ def joint_load_round(
         slopes.append(_forces(model, contacts, under_unit_load))
     next_search, left = _newton_step(search, _forces(model, contacts, under_loads), slopes)
     return Round(state(loaded, q, u, a), under_loads, loads, next_search, left)
-
-
-def _without_weight_and_inertia(model: Model) -> Model:
-    nothing: Any = ZERO
-    links = tuple(link._replace(mass=nothing, inertia=nothing) for link in model.links)
-    return model._replace(links=links, gravity=Vector(ZERO, ZERO))
 
 
 def _contacts(model: Model, rates: Sequence[Real]) -> list[list[Contact]]:

@@ -139,12 +139,12 @@ class Tape:
         self.title, self.lines = formula.__name__, list[Line]()
         self._known: dict[Line, int] = {}
         recorded_constants = self._recorded_constants(constants)
-        recorded_arguments = [transformed(self._input, names) for names in arguments]
+        recorded_arguments = [
+            transformed(lambda name: self._add(Line('input', text=name)), names)
+            for names in arguments
+        ]
         result = formula(recorded_constants, *recorded_arguments)
         self.result = transformed(formulas.number, result)
-
-    def _input(self, name: str) -> Symbol:
-        return self._add(Line('input', text=name))
 
     def _recorded_constants(self, constants: Any) -> Any:
         """Replaces the numbers and functions among constants by symbols."""
@@ -280,7 +280,7 @@ class Tape:
                 statement = f'{name} = {term.format(expression) if is_number else expression}'
             if for_arrays:
                 last_used = [x for x in sorted({*operands} & self._inner) if last_use[x] == i]
-                statement += _deletion([texts[x] for x in last_used])
+                statement += f'; del {", ".join(texts[x] for x in last_used)}' * bool(last_used)
             (within if is_inner else before).append(statement)
         constants = [line.text for line in self.lines if line.operation == 'constant']
         inputs = [line.text for line in self.lines if line.operation == 'input']
@@ -373,11 +373,6 @@ def _guard_statement(guard: str, condition: str, refuse: str, *arguments: str) -
     """Writes a guard; for `guard`, see `Tape.source`."""
     call = f'{refuse}({", ".join(arguments)})'
     return guard.format(condition, ', '.join((refuse, *arguments)), call)
-
-
-def _deletion(unused: list[str]) -> str:
-    """Writes the end of a statement after which names are unused."""
-    return f'; del {", ".join(unused)}' if unused else ''
 
 
 def _expression(operation: str, read: list[str], *, for_arrays: bool) -> str:

@@ -103,14 +103,6 @@ class HalfAngles(NamedTuple):
     v: Real
 
 
-class _SumNotes(NamedTuple):
-    """Descriptions of length sums; see `Reach`."""
-
-    limits: list[str]
-    equalities: list[str]
-    near_equalities: list[str]
-
-
 class Transmission(NamedTuple):
     """The constants of the map from crank angle to transmission angle.
 
@@ -230,7 +222,19 @@ class Transmission(NamedTuple):
         Returns:
             The reach.
         """
-        notes = self._notes_on(sums)
+        limits, equalities, near_equalities = list[str](), list[str](), list[str]()
+        longest = max(abs(length) for terms in sums.values() for length in terms)
+        may_limit = [self.cos_squared.limits, *[self.sin_squared.limits] * (len(sums) - 1)]
+        for (formula, terms), limits_crank in zip(sums.items(), may_limit, strict=True):
+            total = math.fsum(terms)
+            if is_rounding(longest, total):
+                if total:
+                    equalities.append(f'{formula} = {total:.2g} m counts as 0')
+                continue
+            if limits_crank and total < 0:
+                limits.append(f'{formula} = {total:.6g} m is negative')
+            if abs(total) < _NEAR * longest:
+                near_equalities.append(f'{formula} = {total:.2g} m')
         least_cos, least_sin = float(self.cos_squared.least), float(self.sin_squared.least)
         has_one_change_point = (least_cos == 0) != (least_sin == 0)
         # The output moves fast where h is within these widths of 0 or pi/2.
@@ -242,30 +246,13 @@ class Transmission(NamedTuple):
             arcs=self.arcs(),
             period_turns=2 if has_one_change_point else 1,
             transmission=self.extremes(),
-            limits=tuple(notes.limits),
-            cures=tuple(cures) if notes.limits else (),
-            equalities=tuple(notes.equalities),
-            near_equalities=tuple(notes.near_equalities),
+            limits=tuple(limits),
+            cures=tuple(cures) if limits else (),
+            equalities=tuple(equalities),
+            near_equalities=tuple(near_equalities),
             fast=self.reference[0],
             width=min(widths, default=math.inf),
         )
-
-    def _notes_on(self, sums: Mapping[str, tuple[float, ...]]) -> _SumNotes:
-        """Describes the length sums that limit the crank, or are zero or near it; see `reach`."""
-        longest = max(abs(length) for terms in sums.values() for length in terms)
-        may_limit = [self.cos_squared.limits, *[self.sin_squared.limits] * (len(sums) - 1)]
-        notes = _SumNotes([], [], [])
-        for (formula, terms), limits_crank in zip(sums.items(), may_limit, strict=True):
-            total = math.fsum(terms)
-            if is_rounding(longest, total):
-                if total:
-                    notes.equalities.append(f'{formula} = {total:.2g} m counts as 0')
-                continue
-            if limits_crank and total < 0:
-                notes.limits.append(f'{formula} = {total:.6g} m is negative')
-            if abs(total) < _NEAR * longest:
-                notes.near_equalities.append(f'{formula} = {total:.2g} m')
-        return notes
 
 
 def normalized(start: float, end: float) -> Arc:

@@ -17,7 +17,7 @@ from linkage_ros.mechanism.loads.gas import AMBIENT, FAR, NEAR
 from linkage_ros.mechanism.loads.table import TURN, TURN_ROUNDING, Table
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Real
-from linkage_ros.quantities import Quantity, quantity, refuse_angles, shown
+from linkage_ros.quantities import quantity, refuse_angles, shown
 
 _POSITIONS = (-1e9, 1e9)
 _FORCES = (-1e12, 1e12)
@@ -186,7 +186,10 @@ class LoadCurve(AppliedLoad):
             lists = read_columns(self.file, {*_VARIABLES, *_LISTS})
             variable = _variable_of(lists)
             lists['at'] = lists.pop(variable)
-            cleaned: dict[str, Any] = {name: self._clean(name, lists[name]) for name in lists}
+            kinds = {field.name: field.metadata['quantity'] for field in fields(self)}
+            cleaned: dict[str, Any] = {
+                name: kinds[name].clean(f'{label}.{name}', row) for name, row in lists.items()
+            }
         except (OSError, ValueError) as error:
             raise ConfigurationError(
                 f'{label}.file = {shown(self.file)}: {getattr(error, "strerror", None) or error}; '
@@ -201,12 +204,6 @@ class LoadCurve(AppliedLoad):
                 f'{label}.over = {self.over!r}: must be {over}, as in {self.file}'
             )
         return replace(self, file='', over=over, **cleaned)
-
-    def _clean(self, name: str, row: Sequence[float]) -> object:
-        """Checks the numbers of a list."""
-        (field,) = (field for field in fields(self) if field.name == name)
-        described: Quantity = field.metadata['quantity']
-        return described.clean(f'{self.label}.{name}', row)
 
     def on(self, mechanism: LoadedMechanism) -> 'CurveForce':
         """See `AppliedLoad.on`.
