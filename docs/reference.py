@@ -28,7 +28,7 @@ from linkage_lab.charts.stability import GRIDS
 from linkage_lab.robots import import_tool
 from linkage_ros import executables
 from linkage_ros.mechanism.loads import LOADS
-from linkage_ros.mechanism.points import TracedPoint
+from linkage_ros.mechanism.parts import TracedPoint
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.topics import (
     CRANK_TRAJECTORY,

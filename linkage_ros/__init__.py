@@ -57,8 +57,8 @@ if TYPE_CHECKING:
         Rocker,
         Rod,
         Slider,
+        TracedPoint,
     )
-    from linkage_ros.mechanism.points import TracedPoint
     from linkage_ros.mechanism.slider_crank import SliderCrank
     from linkage_ros.mechanism.solver import Solver
     from linkage_ros.mechanism.travel import Travel, travel
@@ -90,8 +90,9 @@ _MODULES = {
         'mechanism.loads.link_load': 'LinkLoad',
         'mechanism.loads.pins': 'Pins',
         'mechanism.loads.spring': 'Spring',
-        'mechanism.parts': 'CROSSED OPEN Barrel Body Coupler Frame Guide Piston Rocker Rod Slider',
-        'mechanism.points': 'TracedPoint',
+        'mechanism.parts': (
+            'CROSSED OPEN Barrel Body Coupler Frame Guide Piston Rocker Rod Slider TracedPoint'
+        ),
         'mechanism.slider_crank': 'SliderCrank',
         'mechanism.solver': 'Solver',
         'mechanism.travel': 'Travel travel',

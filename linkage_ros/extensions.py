@@ -11,8 +11,7 @@ from linkage_ros.mechanism.dyads import dyads_field
 from linkage_ros.mechanism.kinematics import LinkPose, Pose
 from linkage_ros.mechanism.loads import LOADS, loads_field
 from linkage_ros.mechanism.loads.base import AppliedLoad, Load, LoadedMechanism
-from linkage_ros.mechanism.parts import gravity_quantity
-from linkage_ros.mechanism.points import points_field
+from linkage_ros.mechanism.parts import gravity_quantity, points_field
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.structure import Link, Point, Structure

@@ -23,7 +23,6 @@ from linkage_ros.mechanism.dyad_reach import reach_of
 from linkage_ros.mechanism.equations import Model, acting_forces, torque
 from linkage_ros.mechanism.exact import UNITS
 from linkage_ros.mechanism.joint_forces import reactions
-from linkage_ros.mechanism.period import period_turns
 from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.rigid_links import rigid_links
 from linkage_ros.mechanism.travel import extremes_between
@@ -87,7 +86,6 @@ __all__ = [
     'new_name',
     'notes_on',
     'parameter_leaves',
-    'period_turns',
     'poses',
     'printable',
     'published',

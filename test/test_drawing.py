@@ -33,7 +33,7 @@ from linkage_ros.mechanism.drawing import (
     DrawnMass,
     DrawnSlide,
 )
-from linkage_ros.mechanism.points import TracedPoint
+from linkage_ros.mechanism.parts import TracedPoint
 from linkage_ros.settings.configuration import configure, from_strings, to_strings
 from linkage_ros.settings.notes import notes
 

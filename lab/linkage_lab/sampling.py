@@ -16,7 +16,7 @@ from numpy.polynomial.chebyshev import chebvander
 from linkage_lab.gaps import SAME, at_change_points
 from linkage_ros import Solver, State, UnreachableError
 from linkage_ros.formulas import Array
-from linkage_ros.internals import period_turns, poses
+from linkage_ros.internals import poses
 
 _BISECTIONS = 64  # halvings of a step, after which its ends differ only by rounding
 _PARTS = 8  # least number of steps between two corners or jumps
@@ -73,7 +73,7 @@ def law_duration(solver: Solver, law: Any) -> int:
         The duration, ns.
     """
     turns = abs(law.turns or 0)
-    rounds = period_turns(solver.reach, law_turns=turns) // turns if turns else 1
+    rounds = solver.reach.period_with(law_turns=turns) // turns if turns else 1
     return int(law.duration * rounds)
 
 

@@ -14,7 +14,7 @@ from test_law_chart import LIMITED
 from linkage_lab.charts.motion import _measures
 from linkage_lab.period import extent, law_period, period_to_show, speed_driven_period
 from linkage_ros import LoadCurve, Solver, load
-from linkage_ros.internals import LawMotion, period_turns
+from linkage_ros.internals import LawMotion
 from linkage_ros.mechanism.kinematics import Reach
 from linkage_ros.motion.drives.law import LawDrive, Prescribed
 
@@ -82,9 +82,9 @@ def test_figures_at_a_speed_are_those_of_many_turns(motion, load, speed):
 
 
 def test_period_of_a_cylinder_or_of_a_law_to_and_fro_has_no_turns():
-    assert period_turns(Reach('', driven='cylinder', period_turns=0), LOADS.values()) == 0
-    assert period_turns(Reach(''), LOADS.values(), 0) == 0
-    assert period_turns(Reach('', period_turns=2), (), 3) == 6
+    assert Reach('', driven='cylinder', period_turns=0).period_with(LOADS.values()) == 0
+    assert Reach('').period_with(LOADS.values(), 0) == 0
+    assert Reach('', period_turns=2).period_with((), 3) == 6
 
 
 @pytest.mark.parametrize('turn', [-1, 0, 1, 2])

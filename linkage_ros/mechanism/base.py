@@ -17,8 +17,7 @@ from linkage_ros.mechanism.exact import UNITS
 from linkage_ros.mechanism.kinematics import Loop, Reach, Stroke
 from linkage_ros.mechanism.loads import LOADS
 from linkage_ros.mechanism.loads.base import AppliedLoad, JointLoad, Load
-from linkage_ros.mechanism.parts import Body
-from linkage_ros.mechanism.points import TracedPoint, with_points
+from linkage_ros.mechanism.parts import Body, TracedPoint
 from linkage_ros.mechanism.structure import Structure
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, shown
@@ -205,7 +204,7 @@ class Mechanism(_FromDrawing):
     @functools.cached_property
     def _structure(self) -> Structure:
         links = functools.reduce(Structure.with_dyad, self.dyads, self._named_loop)
-        return with_points(links, self.points)
+        return links.with_points(self.points)
 
     @functools.cached_property
     def _named_loop(self) -> Structure:

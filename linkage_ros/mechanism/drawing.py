@@ -23,11 +23,12 @@ from linkage_ros.mechanism.loads import loads_field
 from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.parts import (
     FRAME_NAME,
+    TracedPoint,
     gravity_quantity,
     inertia_quantity,
     mass_quantity,
+    points_field,
 )
-from linkage_ros.mechanism.points import TracedPoint, points_field
 from linkage_ros.quantities import Checked, groups, named, quantity, required
 
 _PLACES = (-1e12, 1e12)

@@ -10,7 +10,7 @@ import functools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any, NamedTuple, cast
 
@@ -21,7 +21,7 @@ from linkage_ros.errors import (
     UnreachableError,
 )
 from linkage_ros.mechanism.base import Drawn, Mechanism
-from linkage_ros.mechanism.drawing_checks import listed
+from linkage_ros.mechanism.drawing_checks import listed, place_words
 from linkage_ros.mechanism.dyads import Dyad, DyadSlider
 from linkage_ros.mechanism.exact import UNITS, Exact, over_root
 from linkage_ros.mechanism.four_bar import FourBar
@@ -39,8 +39,8 @@ from linkage_ros.mechanism.parts import (
     Guide,
     Rod,
     Slider,
+    TracedPoint,
 )
-from linkage_ros.mechanism.points import TracedPoint
 from linkage_ros.mechanism.slider_crank import SLIDER, SliderCrank
 from linkage_ros.quantities import shown
 
@@ -700,29 +700,20 @@ class Conversion:
         place = Exact.of(at, self.unit).minus(self.origin)
         return place.rounded if body == FRAME_NAME else self.in_axes(self.axes[body], place)
 
-    def place_of_pin(self, pin: str, link: str) -> tuple[str, tuple[float, float]]:
-        """Returns a link, or the carrier of a pin, and the place of the pin on it, m."""
-        body = link or self.carrier(pin)
-        return body, self.local(body, pin)
-
     def as_solved(self, load: Any) -> Any:
         """Returns a load or a point with its places in the axes of its links, not as drawn."""
         if getattr(load, 'cylinder', ''):
             load = self.between_pins(load)
-        kinds = {x.name: getattr(x.metadata.get('quantity'), 'kind', '') for x in fields(load)}
         changes: dict[str, Any] = {}
-        for link, at, pin in (('link', 'at', 'pin'), ('to', 'to_at', 'to_pin')):
-            has_place = link in kinds and kinds.get(at) == 'pair'  # a curve has a list
-            if not has_place:
-                continue
-            name = getattr(load, link)
+        for link, at, pin in place_words(load):
+            body = getattr(load, link)
             if given_pin := getattr(load, pin, ''):
-                is_default = link == 'to' and name == FRAME_NAME
-                own = '' if is_default else name
-                changes[link], changes[at] = self.place_of_pin(given_pin, own)
-                changes[pin] = ''
-            elif name:
-                changes[at] = self.place(name, getattr(load, at))
+                is_default = link == 'to' and body == FRAME_NAME
+                if is_default or not body:
+                    body = self.carrier(given_pin)
+                changes |= {link: body, at: self.local(body, given_pin), pin: ''}
+            elif body:
+                changes[at] = self.place(body, getattr(load, at))
         return replace(load, **changes) if changes else load
 
     def between_pins(self, load: Any) -> Any:
@@ -794,7 +785,8 @@ class Conversion:
     def wrong_neighbour(self, driven: _Body) -> str:
         """Explains that a body at a pin of the driven link closes no loop; or ''."""
         fixed = self.pivots(driven)
-        for pin, other in self.pinned_to(driven):
+        pins = () if driven.on else driven.pins
+        for pin, other in ((pin, other) for pin in pins for other in self.at_pin(pin, driven)):
             if other.on == FRAME_NAME:
                 return (
                     f'{other.name} slides on the frame and has the pin {pin} of {driven.name}, so '
@@ -812,11 +804,6 @@ class Conversion:
                     f'supported; a long link from {pin} to {other.on} comes near its motion'
                 )
         return ''
-
-    def pinned_to(self, driven: _Body) -> list[tuple[str, _Body]]:
-        """Returns the bodies at the pins of a link, each after its pin; none of a slide."""
-        pins = () if driven.on else driven.pins
-        return [(pin, other) for pin in pins for other in self.at_pin(pin, driven)]
 
     def locked(self, body: _Body, held: str, pin: str, other: str) -> str:
         """Explains that a body of a loop or dyad has one joint too many."""

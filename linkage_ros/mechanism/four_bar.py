@@ -49,9 +49,10 @@ from linkage_ros.mechanism.parts import (
     OPEN,
     Body,
     Frame,
+    TracedPoint,
     gravity_quantity,
+    points_field,
 )
-from linkage_ros.mechanism.points import TracedPoint, points_field
 from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, direction
 from linkage_ros.mechanism.transmission import HalfAngles, Square, Transmission, swing_middle
 from linkage_ros.numeric import (

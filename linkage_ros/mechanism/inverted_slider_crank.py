@@ -43,9 +43,10 @@ from linkage_ros.mechanism.parts import (
     Body,
     Frame,
     Rod,
+    TracedPoint,
     gravity_quantity,
+    points_field,
 )
-from linkage_ros.mechanism.points import TracedPoint, points_field
 from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, direction
 from linkage_ros.mechanism.transmission import Square, half_angle, normalized
 from linkage_ros.numeric import Real, exact_sum, rounded, short_sum

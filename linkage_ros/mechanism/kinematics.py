@@ -4,7 +4,7 @@
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, NoReturn, Protocol, TypeAlias, overload
 
 import numpy as np
@@ -207,6 +207,22 @@ class Reach(NamedTuple):
         shifts = [period * round((self.drawn - middle) / period) for middle in middles]
         arcs = zip(self.arcs, shifts, strict=True)
         return tuple((low + shift, high + shift) for (low, high), shift in arcs)
+
+    def period_with(self, loads: Iterable[Any] = (), law_turns: int = 1) -> int:
+        """Computes the number of crank turns after which motion, loads and law repeat together.
+
+        Args:
+            loads: Loads, each with its own period.
+            law_turns: Crank turns of one repetition of the law, negative if backwards; 1 for a
+                constant speed.
+
+        Returns:
+            The number of turns. It is 0 if the driven link slides, and if the law returns the
+            crank to its start without a whole turn, where motion and loads are as they were.
+        """
+        if self.slides:
+            return 0
+        return math.lcm(self.period_turns, law_turns, *(load.turns for load in loads))
 
     @property
     def slides(self) -> bool:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.quantities import Checked, quantity
+from linkage_ros.quantities import Checked, groups, quantity, require_name, required
 
 FRAME_NAME = 'frame'  # of the fixed link, in parameters
 OPEN = 'open'
@@ -176,6 +176,33 @@ class Rod(Checked):
     mass: float = mass_quantity()
     inertia: float = inertia_quantity()
     center: tuple[float, float] = _center("the rod's pin in the barrel's direction")
+
+
+@dataclass(frozen=True)
+class TracedPoint(Checked):
+    """A point of a link that is drawn with its path, published and logged.
+
+    Attributes:
+        name: Name of the point, in topics, columns and pictures.
+        link: Link that carries the point.
+        at: The point, [along, across] from the link's first pin, m; on a sliding link, from its
+            pin in the axes of its guide; None for that pin.
+    """
+
+    name: str = required()
+    link: str = quantity('text', 'link that carries the point')
+    at: tuple[float, float] | None = quantity(
+        'pair', 'point [along, across] on its link', 'm', span=_PLACES, default=None
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_name('point', self.name)
+
+
+def points_field() -> Any:
+    """Declares the field of a mechanism that holds its traced points."""
+    return groups(TracedPoint, {'': TracedPoint})
 
 
 @dataclass(frozen=True)

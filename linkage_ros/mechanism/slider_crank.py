@@ -46,9 +46,10 @@ from linkage_ros.mechanism.parts import (
     Body,
     Guide,
     Slider,
+    TracedPoint,
     gravity_quantity,
+    points_field,
 )
-from linkage_ros.mechanism.points import TracedPoint, points_field
 from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, direction
 from linkage_ros.mechanism.transmission import Square, Transmission
 from linkage_ros.numeric import (

@@ -36,9 +36,8 @@ from linkage_ros.mechanism.kinematics import PointMotion, Reach, Rows, State
 from linkage_ros.mechanism.loads.force import PointForce
 from linkage_ros.mechanism.loads.spring import Spring, SpringMotion
 from linkage_ros.mechanism.nested import leaves, rebuilt
-from linkage_ros.mechanism.period import period_turns
 from linkage_ros.mechanism.program import Constants, Program
-from linkage_ros.mechanism.structure import Link, Point, Structure
+from linkage_ros.mechanism.structure import Point
 from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.mechanism.wrenches import FRAME, Exerted, ExertedForce, Wrench, place, poses
 from linkage_ros.numeric import Numbers, Real, real_numbers, require_finite, single_numbers
@@ -143,12 +142,21 @@ class Solver:
         self._traced, self._by_math, self.pivot = traced, by_math, pivot
         self.description = description or self.mechanism.description
         self.coordinates = self.description.coordinates
-        self.structure = structure = self._structure_in_coordinates()
+        structure = self.mechanism.structure()
+        if self.coordinates != self.mechanism.coordinates:
+            structure = structure._replace(dyads=structure.other_dyads, other_dyads=structure.dyads)
+        self.structure = structure
         self.links = tuple(link.name for link in structure.links)
         self.output = self.links[structure.output_index]
         self._moving = structure.indices_of(self.coordinates)
         self._count = len(self._moving)
-        self.names = _argument_names([structure.links[j] for j in self._moving])
+        moving = [structure.links[j] for j in self._moving]
+        self.names: dict[str, Any] = {
+            'q': tuple(f'{x.name}_{"position" if x.slides else "angle"}' for x in moving),
+            'u': tuple(f'{x.name}_speed' for x in moving),
+            'a': tuple(f'{x.name}_acceleration' for x in moving),
+            'torque': 'torque',
+        }
         self.model = Model.of(
             self.mechanism,
             structure,
@@ -165,25 +173,18 @@ class Solver:
         # Whether floats can be passed to the programs as they are.
         self._takes_floats = len(self.coordinates) == 1 and not self.model.joint_loads
 
-    def _structure_in_coordinates(self) -> Structure:
-        """Returns the structure with the dyads of the chosen coordinates."""
-        structure = self.mechanism.structure()
-        if self.coordinates == self.mechanism.coordinates:
-            return structure
-        return structure._replace(dyads=structure.other_dyads, other_dyads=structure.dyads)
-
     def __repr__(self) -> str:
         return f'Solver({self.mechanism!r})'
 
     def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
-        make = functools.partial(
-            type(self),
-            traced=self._traced,
-            by_math=self._by_math,
-            description=self.description,
-            pivot=self.pivot,
-        )
-        return make, (self.mechanism,)
+        return functools.partial(type(self), **self._options), (self.mechanism,)
+
+    @property
+    def _options(self) -> dict[str, Any]:
+        return {
+            'traced': self._traced, 'by_math': self._by_math, 'description': self.description,
+            'pivot': self.pivot,
+        }  # fmt: skip
 
     @functools.cached_property
     def _constants(self) -> Constants:
@@ -191,13 +192,7 @@ class Solver:
 
     def described(self, description: Description) -> 'Solver':
         """Returns a solver of the same mechanism in another description."""
-        return Solver(
-            self.mechanism,
-            traced=self._traced,
-            by_math=self._by_math,
-            description=description,
-            pivot=self.pivot,
-        )
+        return Solver(self.mechanism, **{**self._options, 'description': description})
 
     def program(
         self, formula: Callable[..., Any], *letters: str, under: Conditions = OWN_CONDITIONS
@@ -284,7 +279,7 @@ class Solver:
         reach = self.motion_reach
         if reach is None:
             return None
-        return reach._replace(period_turns=period_turns(reach, self.mechanism.loads))
+        return reach._replace(period_turns=reach.period_with(self.mechanism.loads))
 
     @property
     def reach(self) -> Reach:
@@ -364,19 +359,9 @@ class Solver:
         *,
         under: Conditions = OWN_CONDITIONS,
     ) -> Real:
-        """Computes the driving torque alone, which costs less than the state.
+        """Computes the driving torque alone, N m, which costs less than the state.
 
-        Args:
-            q: Coordinates, rad and m, as for `state`.
-            u: Rates of the coordinates, rad/s and m/s.
-            a: Accelerations of the coordinates, rad/s^2 and m/s^2.
-            under: Conditions that differ from the mechanism's own.
-
-        Returns:
-            The torque on the crank, N m, positive counter-clockwise, as in the state.
-
-        Raises:
-            LinkageError: As for `state`.
+        Arguments, sign and errors are those of `state`.
         """
         if self.model.joint_loads:
             *_, torque = self._settle(q, u, a, under).rows
@@ -453,19 +438,9 @@ class Solver:
         *,
         under: Conditions = OWN_CONDITIONS,
     ) -> State:
-        """Computes positions, rates and accelerations of all links under a given torque.
+        """Computes the state under a given torque, which is its `torque`.
 
-        Args:
-            q: Coordinates, rad and m, as for `state`.
-            u: Rates of the coordinates, rad/s and m/s.
-            torque: Torque on the crank, N m, positive counter-clockwise.
-            under: Conditions that differ from the mechanism's own.
-
-        Returns:
-            The state, whose `torque` is the given torque.
-
-        Raises:
-            LinkageError: As for `accelerations`.
+        Arguments and errors are those of `accelerations`.
         """
         self._refuse_friction()
         rows = self._run(equations.driven_state, under, q=q, u=u, torque=torque)
@@ -890,16 +865,6 @@ def _mechanism_of(given: Any) -> Mechanism:
             f'{shown(mechanism)}: must be a mechanism, such as a FourBar, or what load returns'
         )
     return mechanism
-
-
-def _argument_names(moving: Sequence[Link]) -> dict[str, Any]:
-    """Returns the names of a formula's arguments; see `Solver.names`."""
-    return {
-        'q': tuple(f'{x.name}_{"position" if x.slides else "angle"}' for x in moving),
-        'u': tuple(f'{x.name}_speed' for x in moving),
-        'a': tuple(f'{x.name}_acceleration' for x in moving),
-        'torque': 'torque',
-    }
 
 
 def _add_force(forces: dict[str, ExertedForce], new: ExertedForce) -> None:

@@ -5,12 +5,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias, cast
 
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.errors import ConfigurationError, Mistakes
 from linkage_ros.formulas import ZERO, Vector, cos, sin, turned
 from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.dyads import Dyad
 from linkage_ros.mechanism.kinematics import State
-from linkage_ros.mechanism.parts import FRAME_NAME, Body
+from linkage_ros.mechanism.parts import FRAME_NAME, Body, TracedPoint
 from linkage_ros.mechanism.wrenches import FRAME
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import shown
@@ -319,6 +319,27 @@ class Structure(NamedTuple):
             added=(*wide.added, AddedDyad(new.closure, dyad.pins)),
         )
 
+    def with_points(self, points: Sequence[TracedPoint]) -> 'Structure':
+        """Returns the structure of all links with traced points after its pins.
+
+        Raises:
+            ConfigurationError: A link is unknown, or a name is already in use.
+        """
+        mistakes, all_points = Mistakes(), dict(self.points)
+        taken = {*all_points, *(link.name for link in self.links), FRAME_NAME}
+        for point in points:
+            with mistakes:
+                if point.name in taken:
+                    raise ConfigurationError(
+                        f'point {shown(point.name)}: a link, a pin or another point has this '
+                        'name; give it another one'
+                    )
+                taken.add(point.name)
+                link = self.link_index(point.link, f'points.{point.name}.link')
+                all_points[point.name] = self.point_of(link, point.at or (0.0, 0.0))
+        mistakes.check()
+        return self._replace(points=all_points, traced={x.name: x.link for x in points})
+
     def _for_two_more_links(self) -> 'Structure':
         """Returns the same structure, whose points have weights for two more links."""
         return self._replace(
@@ -436,25 +457,17 @@ class Structure(NamedTuple):
             ConfigurationError: There is no such link or pin, or both are given.
         """
         if not pin:
-            index = self._index_of_link(what, link, frame_allowed=frame_allowed)
+            others = [FRAME_NAME] if frame_allowed else []
+            if not link:
+                valid = ', '.join((*(x.name for x in self.links), *others))
+                raise ConfigurationError(f'{what} is missing: must be one of {valid}; or give pin')
+            index = FRAME if link in others else self.link_index(link, what, *others)
             return index, self.point_of(index, at or (0.0, 0.0))
         if link or at is not None:
             raise ConfigurationError(
                 f'{what} and its place: leave them out beside pin = {shown(pin)}, or leave out pin'
             )
         return self._carrier_of(what, pin, frame_allowed=frame_allowed), self.points[pin]
-
-    def _index_of_link(self, what: str, link: str, *, frame_allowed: bool) -> int:
-        """Returns the index of the link on which a load acts, or FRAME; see `place_of`.
-
-        Raises:
-            ConfigurationError: There is no such link, or the frame is not allowed.
-        """
-        others = [FRAME_NAME] if frame_allowed else []
-        if not link:
-            valid = ', '.join((*(x.name for x in self.links), *others))
-            raise ConfigurationError(f'{what} is missing: must be one of {valid}; or give pin')
-        return FRAME if link in others else self.link_index(link, what, *others)
 
     def _carrier_of(self, what: str, pin: str, *, frame_allowed: bool) -> int:
         """Returns the index of the link that carries a pin or traced point, or FRAME.

@@ -47,9 +47,10 @@ from linkage_ros.mechanism.parts import (
     OPEN,
     Body,
     Piston,
+    TracedPoint,
     gravity_quantity,
+    points_field,
 )
-from linkage_ros.mechanism.points import TracedPoint, points_field
 from linkage_ros.mechanism.structure import Link, Pin, Point, Structure
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity

@@ -10,7 +10,7 @@ from typing import Any
 
 from linkage_ros import cli
 from linkage_ros.mechanism.loads import LOADS
-from linkage_ros.mechanism.points import TracedPoint
+from linkage_ros.mechanism.parts import TracedPoint
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.quantities import Leaf, leaves
