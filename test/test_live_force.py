@@ -169,7 +169,7 @@ def test_a_message_acts_from_its_state_until_it_expires():
     force = live_force(**PUSH)
     own, late = PUSH['loads.push.force'], 100 * MS
     acting = [
-        force.force(now, received)
+        force.held.at(now, received)
         for now, received in (
             (0, []), (10, [(1.0, 2.0), THEIRS]), (9 + late, []), (10 + late, []),
             (2 * late, [THEIRS]), (MS, []),  # a step back

@@ -191,7 +191,7 @@ def test_a_view_of_the_log_shows_each_linkage_in_axes_of_its_own(cut_short, tmp_
 def test_a_linkage_that_is_missing_without_a_reason_is_found(tmp_path, monkeypatch):
     """Negative control: without the record of its end, and after it has come back."""
     with monkeypatch.context() as patched:
-        patched.setattr(LogWriter, 'write_linkage_end', lambda *_: None)
+        patched.setattr(LogWriter, 'write_event', lambda *_: None)
         with pytest.raises(MotionError):
             record(configure(LEGS), tmp_path / 'run.mcap', duration=0.2)
     report = report_of(tmp_path / 'run.mcap')

@@ -111,7 +111,7 @@ def commands(clock):
 
 
 def test_a_command_acts_from_the_tick_that_reads_it_until_it_expires(commands):
-    assert commands.torque(0, []) == 0.0
+    assert commands.held.at(0, []) == 0.0
     # Time since the last tick, ms, commands read by this tick, and the torque that acts.
     now = 0
     for wait, efforts, torque in (
@@ -121,7 +121,7 @@ def test_a_command_acts_from_the_tick_that_reads_it_until_it_expires(commands):
     ):
         now += wait * NS_PER_MS
         read = [commands.commanded(['rocker', 'crank'], [9.0, effort]) for effort in efforts]
-        assert commands.torque(now, read) == torque
+        assert commands.held.at(now, read) == torque
         assert float(commands.diagnostics()['command, N m']) == torque
     figures = [*commands.diagnostics().values()]
     assert figures[1:] == ['7', '2', '0', '2']
@@ -130,14 +130,14 @@ def test_a_command_acts_from_the_tick_that_reads_it_until_it_expires(commands):
 def test_a_gap_between_commands_is_warned_of_until_its_end_and_three_for_ten_seconds(
     commands, clock
 ):
-    commands.torque(0, [])
+    commands.held.at(0, [])
     assert not commands.troubles('')  # no command was ever sent
-    commands.torque(0, [1.5])
+    commands.held.at(0, [1.5])
     for n, is_reported in ((0, False), (1, False), (2, True)):
-        commands.torque((n + 1) * NS_PER_S - 1, [])
+        commands.held.at((n + 1) * NS_PER_S - 1, [])
         assert commands.troubles('')
         clock.time += 1.0
-        commands.torque((n + 1) * NS_PER_S, [1.5])
+        commands.held.at((n + 1) * NS_PER_S, [1.5])
         assert bool(commands.troubles('')) == is_reported
     for wait, is_reported in ((6.5, True), (1.0, False)):
         clock.time += wait
@@ -168,10 +168,10 @@ def test_commands_without_a_limit_are_noted(configuration):
     ],
 )
 def test_a_bad_command_is_refused_and_the_good_one_before_goes_on(commands, names, efforts, words):
-    commands.torque(0, [commands.commanded(['crank'], [1.5])])
+    commands.held.at(0, [commands.commanded(['crank'], [1.5])])
     with pytest.raises(ValueError, match=words):
         commands.commanded(names, efforts)
-    assert (commands.torque(1, []), commands.counts[commands_module.TAKEN]) == (1.5, 1)
+    assert (commands.held.at(1, []), commands.counts[commands_module.TAKEN]) == (1.5, 1)
 
 
 # ---------------------------------------------------------------- record

@@ -49,7 +49,7 @@ from linkage_ros.motion.under_torque import Motor, TorqueMotion
 from linkage_ros.node import commanded_torque
 from linkage_ros.node.commanded_torque import CommandedTorque
 from linkage_ros.programs.log_commands import info
-from linkage_ros.run.states import Simulator
+from linkage_ros.run.states import RowPart, Simulator
 from linkage_ros.settings.configuration import configure, read_values
 from linkage_ros.units import NS_PER_S
 
@@ -375,13 +375,14 @@ def clock(monkeypatch):
 @pytest.mark.parametrize('timeout', [0.0, 0.125])
 def test_torque_ends_once_if_it_is_not_renewed_in_time(clock, timeout):
     ends = []
-    torque = CommandedTorque(ends.append, timeout)
+    torque = CommandedTorque([''], ends.append, timeout)
     torque.end_if_due()  # nothing was commanded
     for _ in range(2):
-        torque.renew()
+        torque.renew({'': RowPart((), 1.5)})
         assert torque.seconds_left == (timeout or math.inf)
         clock[0] += 0.0625
-        torque.renew()
+        torque.renew({'': RowPart((), 2.5)})
+        assert torque.efforts == {'': 2.5}
         clock[0] += 0.0625
         torque.end_if_due()
         before = len(ends)
@@ -390,16 +391,18 @@ def test_torque_ends_once_if_it_is_not_renewed_in_time(clock, timeout):
             torque.end_if_due()
         assert len(ends) == before + bool(timeout)
         assert torque.seconds_left == math.inf or not timeout
+        assert torque.efforts == {'': 0.0 if timeout else 2.5}
     assert {end.cause for end in ends} <= {'measurement_timeout'}
 
 
 def test_torque_that_a_late_tick_commands_after_the_end_is_ended_again():
     ends = []
-    torque = CommandedTorque(ends.append)
+    torque = CommandedTorque([''], ends.append)
     torque.end_for_good('SIGTERM')
-    torque.renew()
+    torque.renew({'': RowPart((), 1.5)})
     assert [end.cause for end in ends] == ['SIGTERM', 'SIGTERM']
-    torque.renew(())  # a trajectory alone
+    assert torque.efforts == {'': 0.0}
+    torque.renew({})  # a trajectory alone
     assert [end.cause for end in ends] == ['SIGTERM'] * 3
     torque.end_for_good('end')  # it has ended
     assert len(ends) == 3

@@ -386,7 +386,7 @@ class MeasuredStates(ExpectedStates):
 
     def end_efforts(self, linkages: Iterable[str]) -> None:
         """Holds efforts of 0; see `ExpectedStates`."""
-        self._efforts.end(linkages)
+        self._efforts.clear(linkages)
 
     def fitting(
         self, linkages: tuple[str, ...], stamps: npt.NDArray[np.int64]
@@ -396,7 +396,7 @@ class MeasuredStates(ExpectedStates):
             self._end_motions(linkages, int(stamps[0]))
             if self._next[0].linkages:
                 break
-            self._efforts.end(self._next.pop(0).ended)  # it has no state
+            self._efforts.clear(self._next.pop(0).ended)  # it has no state
         if not self._next:
             return
         ended, matching = self._next[0].ended, list[int]()
@@ -418,7 +418,7 @@ class MeasuredStates(ExpectedStates):
             if has_state or name not in self._ends or self._ends[name].stamp != now:
                 continue
             del self._ends[name]
-            self._efforts.end([name])
+            self._efforts.clear([name])
             self._cranks.sources[name].has_ended = True
             self._next = [one.without(name) for one in self._next]
 
@@ -456,14 +456,14 @@ class MeasuredStates(ExpectedStates):
 
     def efforts_of_others(self) -> dict[str, float]:
         """Returns the last efforts, except those that end; see `ExpectedStates`."""
-        return {**self._efforts.values, **dict.fromkeys(self._next[0].ended, 0.0)}
+        return {**self._efforts.efforts, **dict.fromkeys(self._next[0].ended, 0.0)}
 
     def take(
         self, segments: Segments, ticks: list[int], parts: Mapping[str, RowPart]
     ) -> tuple[int, str]:
         """Advances past measurements; see `ExpectedStates`."""
         self._segments |= segments
-        self._efforts.end(self._next[0].ended)
+        self._efforts.clear(self._next[0].ended)
         self._efforts.hold(parts, len(ticks) - 1)
         del self._next[: len(ticks)]
         return len(ticks), ''

@@ -16,17 +16,15 @@ from linkage_ros.errors import LogError
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     END_RECORD,
-    GAP_RECORD,
+    EVENT_RECORDS,
     LINKAGE,
-    LINKAGE_END_RECORD,
     MOTION_RECORD,
     ROLE,
-    TORQUE_END_RECORD,
+    Gap,
     LinkageEnd,
     TorqueEnd,
     decode_configuration,
-    decode_end,
-    decode_gap,
+    decode_events,
     decode_motion,
     unseal,
 )
@@ -218,16 +216,16 @@ class LogReader:
         self.version, self.configuration = decode_configuration(configuration)
         self.has_old_names = has_old_names(configuration)
         self.motions = self._decoded_motions(records[MOTION_RECORD])
+        gaps = decode_events(Gap, records[EVENT_RECORDS[Gap]])
+        self.dropped = sum(gap.dropped for gap in gaps)
+        self.torque_ends = tuple(decode_events(TorqueEnd, records[EVENT_RECORDS[TorqueEnd]]))
         self.linkage_ends = dict[str, LinkageEnd]()
-        for fields in records[LINKAGE_END_RECORD]:
-            end = decode_end(LinkageEnd, fields)
+        for end in decode_events(LinkageEnd, records[EVENT_RECORDS[LinkageEnd]]):
             self.linkage_ends.setdefault(end.linkage, end)
-        self.torque_ends = tuple(decode_end(TorqueEnd, x) for x in records[TORQUE_END_RECORD])
         self.lost = None
         if records[END_RECORD]:
             self.lost = int(unseal(records[END_RECORD][0])['messages']) - messages
-        self.dropped = sum(decode_gap(fields).dropped for fields in records[GAP_RECORD])
-        self._gaps = [index.offset for index in indexes if index.name == GAP_RECORD]
+        self._gaps = [index.offset for index in indexes if index.name == EVENT_RECORDS[Gap]]
 
     def _decoded_motions(
         self, records: Sequence[dict[str, str]]

@@ -9,10 +9,10 @@ flipped bit cannot change a setting unnoticed.
 import functools
 import json
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from fractions import Fraction
-from typing import Any, NamedTuple, TypeVar, get_type_hints
+from typing import Any, NamedTuple, TypeAlias, TypeVar, get_type_hints
 
 from linkage_ros import __version__
 from linkage_ros.errors import LogError
@@ -24,9 +24,6 @@ from linkage_ros.units import TIME_END
 
 CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'
-TORQUE_END_RECORD = 'linkage_ros/torque_end'  # see `TorqueEnd`
-LINKAGE_END_RECORD = 'linkage_ros/linkage_end'  # see `LinkageEnd`
-GAP_RECORD = 'linkage_ros/gap'  # messages are missing before the next chunk; see `Gap`
 END_RECORD = 'linkage_ros/end'  # its field `messages` is the number of logged messages
 
 ROLE = 'linkage_ros.role'  # key in the metadata of a channel; the value is `Topic.role`
@@ -59,7 +56,7 @@ def unseal(record: Mapping[str, str]) -> dict[str, str]:
 
 
 class Gap(NamedTuple):
-    """A place in a log at which messages are missing.
+    """A place in a log, before the next chunk, at which messages are missing.
 
     Attributes:
         dropped: Number of states and other messages that the run dropped there, because the disk
@@ -67,21 +64,6 @@ class Gap(NamedTuple):
     """
 
     dropped: int
-
-
-def encode_gap(gap: Gap) -> dict[str, str]:
-    """Encodes a gap as a record."""
-    return seal({'dropped': str(gap.dropped)})
-
-
-def decode_gap(record: Mapping[str, str]) -> Gap:
-    """Decodes a record created by `encode_gap`.
-
-    Raises:
-        LogError: The record is damaged.
-        ValueError: The number is malformed. A missing number may raise other exceptions.
-    """
-    return Gap(int(unseal(record)['dropped']))
 
 
 class TorqueEnd(NamedTuple):
@@ -112,27 +94,33 @@ class LinkageEnd(NamedTuple):
     linkage: str
 
 
-_End = TypeVar('_End', TorqueEnd, LinkageEnd)
+Event: TypeAlias = Gap | TorqueEnd | LinkageEnd
+# The name of the record of each kind of event.
+EVENT_RECORDS: dict[type[Event], str] = {
+    Gap: 'linkage_ros/gap',
+    TorqueEnd: 'linkage_ros/torque_end',
+    LinkageEnd: 'linkage_ros/linkage_end',
+}
+_Event = TypeVar('_Event', Gap, TorqueEnd, LinkageEnd)
 
 
-def encode_end(end: TorqueEnd | LinkageEnd) -> dict[str, str]:
-    """Encodes the end of a torque, or of the motion of a linkage, as a record."""
-    return seal({name: str(value) for name, value in end._asdict().items()})
+def encode_event(event: Event) -> dict[str, str]:
+    """Encodes an event as a record."""
+    return seal({name: str(value) for name, value in event._asdict().items()})
 
 
-def decode_end(kind: type[_End], record: Mapping[str, str]) -> _End:
-    """Decodes a record created by `encode_end`.
-
-    Args:
-        kind: `TorqueEnd` or `LinkageEnd`.
-        record: The record.
+def decode_events(kind: type[_Event], records: Iterable[Mapping[str, str]]) -> list[_Event]:
+    """Decodes records created by `encode_event`, whose first fields are whole numbers.
 
     Raises:
-        LogError: The record is damaged.
-        ValueError: The stamp is malformed. Missing fields may raise other exceptions.
+        LogError: A record is damaged.
+        ValueError: A number is malformed. Missing fields may raise other exceptions.
     """
-    texts = unseal(record)
-    return kind(int(texts['stamp']), texts['cause'], texts['linkage'])
+    first, *others = kind._fields
+    return [
+        kind(int(texts[first]), *(texts[name] for name in others))
+        for texts in map(unseal, records)
+    ]
 
 
 class LoggedSegment(NamedTuple):

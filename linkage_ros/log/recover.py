@@ -20,10 +20,8 @@ from linkage_ros.log.records import (
     CHECKSUM,
     CONFIGURATION_RECORD,
     END_RECORD,
-    GAP_RECORD,
-    LINKAGE_END_RECORD,
+    EVENT_RECORDS,
     MOTION_RECORD,
-    TORQUE_END_RECORD,
     Gap,
     unseal,
 )
@@ -33,9 +31,7 @@ from linkage_ros.log.writer import LogWriter
 from linkage_ros.units import NS_PER_S, TIME_END
 
 # Names of the metadata records that are copied as they are.
-_COPIED = (
-    CONFIGURATION_RECORD, MOTION_RECORD, LINKAGE_END_RECORD, TORQUE_END_RECORD, GAP_RECORD,
-)  # fmt: skip
+_COPIED = CONFIGURATION_RECORD, MOTION_RECORD, *EVENT_RECORDS.values()
 
 
 class Recovered(NamedTuple):
@@ -127,7 +123,7 @@ class _Copy:
         file, damaged_places, damaged_bytes = self._file, 0, 0
         while not self._copy_records(progress):
             start, file.at = file.at, file.next_place(file.at + 1)
-            self._new.write_gap(Gap(0))
+            self._new.write_event(Gap(0))
             damaged_places += 1
             damaged_bytes += file.at - start
             progress(file.at - start)

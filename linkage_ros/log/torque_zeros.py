@@ -44,7 +44,7 @@ class TorqueZeros:
         start = layout.starts[layout.channels.index(self._efforts.number)]
         places = [x for x in layout.places if x.offset > start and x.code == 'd']
         values = [float(layout.column(rows, place)[-1]) for place in places]
-        self._last.values = dict(zip(self._names, values, strict=False))
+        self._last.efforts = dict(zip(self._names, values, strict=False))
 
     def end_at(self, message: LoggedMessage) -> Collection[str]:
         """Returns the linkages whose torques a message ends; empty if it ends none."""
@@ -56,7 +56,7 @@ class TorqueZeros:
     def check(self, message: LoggedMessage) -> str:
         """Checks a message that ends torques; returns a description of its error, or ''."""
         place = message.channel, message.time
-        self._last.end(self.end_at(message))
+        self._last.clear(self.end_at(message))
         self._due[place].pop(0)
         if not self._due[place]:
             del self._due[place]
@@ -70,7 +70,7 @@ class TorqueZeros:
     def _zero_like(self, message: LoggedMessage) -> bytes:
         """Returns the zero that a message must be; it may hold any positions."""
         if self._efforts and message.channel == self._efforts.number:
-            return encode_efforts([*self._last.values.values()])
+            return encode_efforts([*self._last.efforts.values()])
         simulators = self._robot.simulators.values()
         try:
             _, _, points = decode_trajectory(message.data)

@@ -17,17 +17,13 @@ from linkage_ros.log.mcap_writer import CHUNK_SIZE, McapWriter
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     END_RECORD,
-    GAP_RECORD,
-    LINKAGE_END_RECORD,
+    EVENT_RECORDS,
     MOTION_RECORD,
     ROLE,
-    TORQUE_END_RECORD,
-    Gap,
-    LinkageEnd,
-    TorqueEnd,
+    Event,
+    LoggedSegment,
     encode_configuration,
-    encode_end,
-    encode_gap,
+    encode_event,
     encode_motion,
     seal,
 )
@@ -229,17 +225,9 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """Appends a segment of the motion of a linkage."""
         self._add(MOTION_RECORD, encode_motion(segment, linkage))
 
-    def write_linkage_end(self, end: LinkageEnd) -> None:
-        """Records the end of the motion of one of several linkages."""
-        self._add(LINKAGE_END_RECORD, encode_end(end))
-
-    def write_gap(self, gap: Gap) -> None:
-        """Records that messages are missing here; call this after `flush`."""
-        self._add(GAP_RECORD, encode_gap(gap))
-
-    def write_torque_end(self, end: TorqueEnd) -> None:
-        """Records the end of a torque; its zeros follow."""
-        self._add(TORQUE_END_RECORD, encode_end(end))
+    def write_event(self, event: Event) -> None:
+        """Records an event: the end of a motion or torque, or, after `flush`, a gap."""
+        self._add(EVENT_RECORDS[type(event)], encode_event(event))
 
     def consume(self, items: Sequence[Any]) -> None:
         """Appends items and flushes them; see `Worker`.
@@ -248,8 +236,8 @@ class LogWriter(AbstractContextManager['LogWriter']):
         asks for `recover`.
 
         Args:
-            items: States, tuples of arguments for `write`, segments of motion of linkages, ends of
-                linkages or torques, or gaps.
+            items: States, tuples of arguments for `write`, segments of motion of linkages, or
+                events.
         """
         try:
             self._append(items)
@@ -271,14 +259,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
                 self.write_messages(group)
                 continue
             for item in group:
-                if kind is Gap:
-                    self.write_gap(item)
-                elif kind is TorqueEnd:
-                    self.write_torque_end(item)
-                elif kind is LinkageEnd:
-                    self.write_linkage_end(item)
-                else:
+                if kind is LoggedSegment:
                     self.write_motion(item.segment, item.linkage)
+                else:
+                    self.write_event(item)
 
     def flush(self) -> None:
         """Passes all messages to the operating system, so that they survive if the run is killed.

@@ -184,10 +184,6 @@ class Received(NamedTuple):
         )
 
 
-def _read(source: Input, data: bytes, received: int) -> Any:
-    return source.read(data, received)
-
-
 class SharedInput:
     """Reader of the messages on a topic that all linkages of a run share.
 
@@ -206,7 +202,7 @@ class SharedInput:
         Raises:
             UnnamedError: The message names no crank. The error text is the cause.
         """
-        return self.collect(_read, data, received)
+        return self.collect(lambda source, *message: source.read(*message), data, received)
 
     def collect(
         self, read: Callable[[Any, bytes, int], Any], data: bytes, received: int

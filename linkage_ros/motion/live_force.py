@@ -3,7 +3,6 @@
 """Forces of loads that are set by messages during a run."""
 
 import math
-from collections.abc import Iterable
 from typing import TypeAlias
 
 from linkage_ros.mechanism.loads.force import LINK, Force
@@ -75,10 +74,6 @@ class LiveForce(Input):
         if not math.hypot(x, y) <= _LARGEST:
             raise ValueError(f'force not finite, or beyond {_LARGEST:g} N: [{x}, {y}]')
         return x, y
-
-    def force(self, now: int, received: Iterable[Vector]) -> Vector:
-        """Returns the force from a state until the next one; see `Expiring.at`."""
-        return self.held.at(now, received)
 
     def troubles(self, topic: str) -> list[str]:
         """Returns a warning if messages stopped, or stop often."""

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Who holds the torque that a node commands, and when it must end.
+"""The torques that controllers hold for a node, and when they must end.
 
 A controller such as forward_command_controller repeats its last command for ever. Therefore a node
 that commands efforts sends a zero when it ends, and when the measurements stop on which the torque
@@ -9,37 +9,47 @@ depends. A zero means no drive, not standstill.
 
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 from linkage_ros.log.records import TorqueEnd
+from linkage_ros.run.robot import HeldEfforts
+from linkage_ros.run.states import RowPart
 
 # Causes of zeros.
 MEASUREMENT_TIMEOUT, INVALID_MEASUREMENT = 'measurement_timeout', 'invalid measurement'
 END_OF_MOTION = 'end of the motion'
 
 
-class CommandedTorque:
+class CommandedTorque(HeldEfforts):
     """Decides when the torques that others hold must end, and ends them.
 
     The thread of the ticks calls all methods; `end_for_good` is for other threads as well.
     """
 
-    def __init__(self, send_zeros: Callable[[TorqueEnd], object], timeout: float = 0.0) -> None:
+    def __init__(
+        self,
+        names: Iterable[str],
+        send_zeros: Callable[[TorqueEnd], object],
+        timeout: float = 0.0,
+    ) -> None:
         """Initializes without a torque.
 
         Args:
-            send_zeros: Sends and logs a zero on each topic of commands, for the linkage of the end
+            names: Names of the linkages.
+            send_zeros: Sends and logs the efforts, and with them a zero for the linkage of the end
                 or, without a name, for all.
             timeout: Time after a command without a further one at which the torque ends, s; 0:
                 never.
         """
+        super().__init__(names)
         self._send_zeros, self._timeout = send_zeros, timeout or math.inf
         self._renewed = dict[str, float]()  # time of the last command, s, of each held torque
         self._last_cause = ''  # that of the motion's end
 
-    def renew(self, linkages: Iterable[str] = ('',)) -> None:
-        """Notes that torques were commanded now, by linkage."""
-        self._renewed |= dict.fromkeys(linkages, time.monotonic())
+    def renew(self, parts: Mapping[str, RowPart]) -> None:
+        """Holds the torques of a state, which were commanded now, by linkage."""
+        self.hold(parts)
+        self._renewed |= dict.fromkeys(parts, time.monotonic())
         if self._last_cause:  # a tick that hung has commanded a torque after the end
             self._end(self._last_cause)
 
@@ -58,6 +68,7 @@ class CommandedTorque:
         """Ends the torques of linkages that have one, until it is renewed."""
         for linkage in linkages:
             if self._renewed.pop(linkage, None) is not None:
+                self.clear([linkage])
                 self._send_zeros(TorqueEnd(time.time_ns(), cause, linkage))
 
     def end_for_good(self, cause: str) -> None:
@@ -68,4 +79,5 @@ class CommandedTorque:
 
     def _end(self, cause: str) -> None:
         self._renewed.clear()
+        self.clear(self.efforts)
         self._send_zeros(TorqueEnd(time.time_ns(), cause))

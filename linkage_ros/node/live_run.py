@@ -42,7 +42,7 @@ from linkage_ros.node.process import reported_as_configuration
 from linkage_ros.node.ticker import RealTimeTicker, SimTimeTicker, Ticker
 from linkage_ros.node.workers import freeze_heap
 from linkage_ros.quantities import counted
-from linkage_ros.run.robot import HeldEfforts, Robot
+from linkage_ros.run.robot import Robot
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.units import NS_PER_MS
@@ -96,7 +96,6 @@ class LiveRun:
                 simulator.prepare_live()
         # Names of linkages whose motion has ended, each with the error.
         self._ended = dict[str, LinkageError]()
-        self._held = HeldEfforts(robot.names)
         self._trajectory: TrajectoryAhead | None = None
         others = [*robot.descriptions()]
         if robot.drive.trajectory_command_topic:
@@ -150,7 +149,8 @@ class LiveRun:
         return SimTimeTicker(*callbacks, clock.receive)
 
     def _new_torque(self) -> CommandedTorque:
-        return CommandedTorque(self._send_zeros, self._robot.drive.measurement_timeout)
+        robot = self._robot
+        return CommandedTorque(robot.names, self._send_zeros, robot.drive.measurement_timeout)
 
     def announce(self) -> None:
         """Waits for existing subscribers, and publishes the descriptions of the linkages."""
@@ -278,10 +278,10 @@ class LiveRun:
         if not self._moving:
             raise error
         self._node.get_logger().error(f'{name}: {error}; the other linkages continue')
-        self._held.end([name])
+        self._torque.clear([name])
         for _, source in self._inputs:
             source.sources[name].has_ended = True
-        self._outputs.log_linkage_end(LinkageEnd(stamp, str(error), name))
+        self._outputs.log_event(LinkageEnd(stamp, str(error), name))
         if self._robot.drive.is_measured:  # the next state of another linkage may never come
             self._torque.end([name], END_OF_MOTION)
 
@@ -353,8 +353,7 @@ class LiveRun:
         if not parts:
             return
         names = tuple(parts)
-        numbers = self._robot.row(parts, self._held.values)
-        self._held.hold(parts)
+        numbers = self._robot.row(parts, self._torque.efforts)
         templates = self._robot.templates.of(names)
         messages = templates.pack(stamp, numbers)
         now = time.time_ns()
@@ -363,7 +362,7 @@ class LiveRun:
             if published.is_heard:
                 published.publisher.publish(messages[place])
         self._outputs.log_state(LoggedState(now, messages, names))
-        self._torque.renew(names)
+        self._torque.renew(parts)
         states = {name: state for name in names if (state := self.linkages[name].state)}
         self._outputs.show(stamp, states)
 
@@ -375,7 +374,7 @@ class LiveRun:
         motions = {name: x.motion for name, x in self._moving.items() if x.motion}
         if (message := ahead.message_at(motions, stamp)) is not None:
             self._publish(ahead.topic, message)
-            self._torque.renew(())
+            self._torque.renew({})
 
     def _command_publishers(self) -> dict[str, Publisher]:
         """Returns the publishers of commands for controllers, by name of the topic."""
@@ -386,9 +385,8 @@ class LiveRun:
     def _send_zeros(self, end: TorqueEnd) -> None:
         """Sends and logs torques of 0 on each topic of commands."""
         zeros, drive = dict[str, bytes](), self._robot.drive
-        self._held.end([end.linkage] if end.linkage else self.linkages)
         if drive.effort_command_topic:
-            efforts = [*self._held.values.values()]
+            efforts = [*self._torque.efforts.values()]
             zeros[drive.effort_command_topic] = encode_efforts(efforts)
         places = {
             name: float(x.coordinates.unwrapped)

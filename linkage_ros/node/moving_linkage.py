@@ -105,7 +105,7 @@ class MovingLinkage:
     def conditions(self, now: int) -> Conditions:
         """Returns gravity and forces of loads that act from now, ns, on."""
         forces = {
-            source.name: source.force(now, subscription.take())
+            source.name: source.held.at(now, subscription.take())
             for subscription, source in self.forces
         }
         if self._gravity is None and not forces:

@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from linkage_ros import cli
 from linkage_ros.errors import LogError
-from linkage_ros.log.records import LinkageEnd, LoggedSegment, TorqueEnd
+from linkage_ros.log.records import Event, LoggedSegment, TorqueEnd
 from linkage_ros.log.rows import LoggedState
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.messages.topics import Topic
@@ -138,19 +138,17 @@ class Outputs:
             item = LoggedSegment(segment, linkage)
             self._workers['log'].offer(item, segment.size, keep=True)
 
-    def log_linkage_end(self, end: LinkageEnd) -> None:
-        """Logs the end of the motion of one of several linkages; see `Worker`."""
+    def log_event(self, event: Event) -> None:
+        """Logs an event, which is not dropped; see `Worker`."""
         if self._session.log:
-            self._workers['log'].offer(end, keep=True)
+            self._workers['log'].offer(event, keep=True)
 
     def log_torque_end(self, end: TorqueEnd, zeros: Mapping[str, bytes]) -> None:
         """Logs the end of a torque and its zeros, CDR bytes by name of the topic; see `Worker`."""
-        if self._session.log:
-            worker = self._workers['log']
-            worker.offer(end, keep=True)
-            for name, message in zeros.items():
-                item = self._channels[name], end.stamp, message
-                worker.offer(item, len(message), keep=True)
+        self.log_event(end)
+        for name, message in zeros.items() if self._session.log else ():
+            item = self._channels[name], end.stamp, message
+            self._workers['log'].offer(item, len(message), keep=True)
 
     def log_message(self, stamp: int, topic: Topic, message: bytes) -> None:
         """Logs a message; a latched message, which is not repeated, is not dropped.

@@ -125,7 +125,7 @@ def record(
 
 def _write(log: LogWriter, batch: Batch) -> None:
     for name, error in batch.ends.items():
-        log.write_linkage_end(LinkageEnd(batch.stamps[0], str(error), name))
+        log.write_event(LinkageEnd(batch.stamps[0], str(error), name))
     for name, segment in batch.segments.items():
         log.write_motion(segment, name)
     log.write_states(batch.stamps, batch.stamps, batch.numbers, batch.linkages)

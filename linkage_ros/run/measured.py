@@ -70,20 +70,6 @@ class Answers(NamedTuple):
     linkages: tuple[str, ...]
 
 
-class _Saved(NamedTuple):
-    """State that messages change, by linkage.
-
-    Attributes:
-        filters: State of the filters; see `MeasuredCrank.tracked`.
-        rejected: Number of rejected messages, by cause.
-        efforts: The held efforts.
-    """
-
-    filters: dict[str, Any]
-    rejected: dict[str, Counter[str]]
-    efforts: dict[str, float]
-
-
 class MeasuredRun:
     """Answers messages with states, with the same results as `SharedInput.read` for each of them.
 
@@ -119,28 +105,17 @@ class MeasuredRun:
         Args:
             messages: Time of receipt, ns, and CDR bytes of each JointState.
         """
-        messages, before = [*messages], self._saved()
+        messages = [*messages]
+        cranks, efforts = self._sources.values(), {**self._held.efforts}
+        before = [(crank.tracked(), crank.rejected.copy()) for crank in cranks]
         try:
             return [*self._answers(messages, MeasuredCrank.measure)]
         except LinkageError:  # of at least one state
-            self._restore(before)
+            for crank, (filters, rejected) in zip(cranks, before, strict=True):
+                crank.take_back(filters)
+                crank.rejected = rejected
+            self._held.efforts = efforts
             return [*self._answers(messages, MeasuredCrank.read)]
-
-    def _saved(self) -> _Saved:
-        """Returns the state that messages change, for `_restore`."""
-        cranks = self._sources.items()
-        return _Saved(
-            {name: crank.tracked() for name, crank in cranks},
-            {name: crank.rejected.copy() for name, crank in cranks},
-            {**self._held.values},
-        )
-
-    def _restore(self, before: _Saved) -> None:
-        """Restores filters, counts and efforts."""
-        for name, crank in self._sources.items():
-            crank.take_back(before.filters[name])
-            crank.rejected = before.rejected[name]
-        self._held.values = before.efforts
 
     def _answers(
         self,
@@ -151,7 +126,7 @@ class MeasuredRun:
         measurements = self._measurements(messages, read)
         for (names, ended), group in groupby(measurements, attrgetter('linkages', 'ended')):
             adjacent = [*group]
-            self._held.end(ended)
+            self._held.clear(ended)
             if not names:
                 continue
             parts = dict[str, RowPart]()
@@ -159,7 +134,7 @@ class MeasuredRun:
                 coordinates = [measurement.coordinates(name) for measurement in adjacent]
                 now, ahead = self._sources[name].stacked(coordinates)
                 parts[name] = self._robot.simulators[name].part(now, ahead)
-            numbers = self._robot.row(parts, self._held.values)
+            numbers = self._robot.row(parts, self._held.efforts)
             self._held.hold(parts)
             yield Answers(
                 [one.time for one in adjacent], [one.stamp for one in adjacent], numbers, names

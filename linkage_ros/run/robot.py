@@ -104,18 +104,18 @@ class HeldEfforts:
     """The last effort of each linkage, which a controller holds.
 
     Attributes:
-        values: The efforts, by linkage: 0 before the first one, and once it is ended or refused.
+        efforts: The efforts, by linkage: 0 before the first one, and once it is ended or refused.
     """
 
     def __init__(self, names: Iterable[str]) -> None:
-        self.values: dict[str, float] = dict.fromkeys(names, 0.0)
+        self.efforts: dict[str, float] = dict.fromkeys(names, 0.0)
 
-    def end(self, names: Iterable[str]) -> None:
+    def clear(self, names: Iterable[str]) -> None:
         """Sets efforts to 0."""
-        self.values |= dict.fromkeys(names, 0.0)
+        self.efforts |= dict.fromkeys(names, 0.0)
 
     def hold(self, parts: Mapping[str, RowPart], row: int = -1) -> None:
         """Keeps the efforts of a state or, of many states, those of one; by default the last."""
         for name, (_, effort) in parts.items():
             if effort is not None:
-                self.values[name] = effort[row] if isinstance(effort, np.ndarray) else effort
+                self.efforts[name] = effort[row] if isinstance(effort, np.ndarray) else effort

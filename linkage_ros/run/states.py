@@ -84,8 +84,8 @@ class Simulator:
         prefix, frame_id = session.joint_prefix, session.frame_id
         self.robot_joints = joints = linkage.robot_joints
         self.joints = tuple(joint.name for joint in joints if joint.name)
-        self.driven = driven = self.solver.structure.driven
-        self.crank_joint = session.crank_joint or joints[driven].name
+        self.driven = self.solver.structure.driven
+        self.crank_joint = linkage.crank_joint
         self.description: bytes | None = None
         if session.publish_description or (
             session.publish_description is None and not linkage.joints
@@ -98,7 +98,7 @@ class Simulator:
         forces = {force.name: force.held.value for force in self.live_forces().values()}
         self.conditions = Conditions(forces=forces) if forces else OWN_CONDITIONS
         self.machine = Machine(
-            self.solver, self.ticks.elapsed(1), self.crank_joint, joints[driven], self.lead,
+            self.solver, self.ticks.elapsed(1), self.crank_joint, joints[self.driven], self.lead,
             conditions=self.conditions, others=frozenset(others),
         )  # fmt: skip
 
@@ -196,7 +196,7 @@ class Simulator:
     def joint_words(self, numbers: Sequence[float]) -> str:
         """Describes the positions of the published joints, given the numbers of a state."""
         words = [
-            f'{joint.name} {value:.6g} {"m" if link.slides else "rad"}'
+            f'{joint.name} {value:.6g} {link.units.position}'
             for joint, link, value in zip(
                 self.robot_joints, self.solver.structure.links, numbers, strict=False
             )

@@ -203,6 +203,7 @@ class TorqueCommands(Input):
 
     Attributes:
         counts: Numbers of commands, by their names in diagnostics.
+        held: The torque, N m, which is 0 before the first command and after a timeout.
     """
 
     def __init__(
@@ -220,20 +221,10 @@ class TorqueCommands(Input):
         self._unit = unit
         self.counts = dict.fromkeys((TAKEN, CUT, REJECTED), 0)
         self._limit, self._crank, self._ratio = limit, crank, ratio
-        self._held = Expiring(0.0, timeout)  # the torque, N m
+        self.held = Expiring(0.0, timeout)
 
     def read(self, data: bytes, _: int) -> float:
-        """Decodes a message.
-
-        Args:
-            data: CDR bytes of a JointState.
-
-        Returns:
-            See `commanded`.
-
-        Raises:
-            ValueError: The message is not a command for this crank.
-        """
+        """Decodes the CDR bytes of a JointState; returns and raises what `commanded` does."""
         command = decode_joint_state(data)
         return self.commanded(command.names, command.efforts)
 
@@ -278,20 +269,8 @@ class TorqueCommands(Input):
     ) -> TorqueMotion:
         """Adds the commanded torque to a motion; see `Input.applied`."""
         run: TorqueMotion = motion
-        run.command(stamp, self.torque(elapsed, received))
+        run.command(stamp, self.held.at(elapsed, received))
         return run
-
-    def torque(self, now: int, received: Iterable[float]) -> float:
-        """Returns the torque from a tick until the next one.
-
-        Args:
-            now: Time from tick 0 to this tick, ns, which a step of the clock does not change.
-            received: Results of `read` since the last call.
-
-        Returns:
-            The torque, N m; 0 before the first command and after a timeout.
-        """
-        return self._held.at(now, received)
 
     def notes(self, topic: str) -> list[str]:
         """Returns a note if commands are not limited."""
@@ -305,12 +284,12 @@ class TorqueCommands(Input):
 
     def troubles(self, topic: str) -> list[str]:
         """Returns a warning if commands stopped, or stop often."""
-        if not self._held.is_lost:
+        if not self.held.is_lost:
             return []
         return [f'no command on {topic} within command_timeout: the motor alone drives the crank']
 
     def diagnostics(self) -> dict[str, str]:
         """Returns the active torque and the counts of commands, for diagnostics."""
-        counts = {**self.counts, TIMEOUTS: self._held.timeouts}
+        counts = {**self.counts, TIMEOUTS: self.held.timeouts}
         found = {name: str(count) for name, count in counts.items()}
-        return {f'command, {self._unit}': f'{self._held.value:.6g}', **found}
+        return {f'command, {self._unit}': f'{self.held.value:.6g}', **found}
