@@ -90,9 +90,6 @@ def make_parser(
         purpose: One-sentence description of the executable.
         examples: Command lines, without the name of the executable.
         notes: Text to print below the examples.
-
-    Returns:
-        The parser, to which options can be added.
     """
     parser = Parser(prog=name, **_described(name, purpose, examples, notes))
     parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
@@ -229,26 +226,14 @@ class Stop:
         return self._is_repeated and time.monotonic() > self._set_at + _ORDERLY_SECONDS
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Waits until the end of the program is requested.
-
-        Args:
-            timeout: Longest time to wait, s; by default, unlimited.
-
-        Returns:
-            Whether the end was requested.
-        """
+        """Waits, at most for a time, s, until the end is requested; returns whether it is."""
         end = math.inf if timeout is None else time.monotonic() + timeout
         while not self.is_set() and (left := end - time.monotonic()) > 0:
             time.sleep(min(left, _POLL_SECONDS))
         return self.is_set()
 
     def join(self, thread: threading.Thread, timeout: float = math.inf) -> None:
-        """Waits for a thread to end; if the end is urgent, abandons a thread that hangs.
-
-        Args:
-            thread: Thread to wait for.
-            timeout: Longest time to wait, s; by default, unlimited.
-        """
+        """Waits for a thread to end, at most for a time, s; abandons it if the end is urgent."""
         end = time.monotonic() + timeout
         while thread.is_alive() and (left := end - time.monotonic()) > 0 and not self.is_urgent():
             thread.join(min(left, _POLL_SECONDS))
@@ -332,13 +317,7 @@ def leave(code: int) -> int:
     """Exits immediately, without Python's clean-up, if the process uses rclpy.
 
     During the clean-up, Fast DDS may hang or crash (Fast-DDS#6513), and a second Ctrl-C would
-    cause an error.
-
-    Args:
-        code: Exit code of the process.
-
-    Returns:
-        The exit code, if rclpy was not imported.
+    cause an error. Without rclpy, the exit code is returned.
     """
     if 'rclpy' not in sys.modules:
         return code
@@ -370,12 +349,9 @@ def progress_bar(
     """Creates a progress bar on stderr, if it is a terminal; the bar disappears when it is done.
 
     Args:
-        items: Items to iterate over; None if the caller updates the bar.
+        items: Items that the bar yields; None if the caller updates the bar.
         wanted: Whether to show the bar at all.
         options: Options of tqdm, such as desc, total, unit and delay.
-
-    Returns:
-        The bar, which yields the items.
     """
     from tqdm import tqdm  # a third of the time of `--help`
 
@@ -387,14 +363,7 @@ def progress_bar(
 
 @contextmanager
 def waiting(words: str) -> Iterator[None]:
-    """Shows a line on stderr while the block runs, if stderr is a terminal.
-
-    Args:
-        words: Text of the line, such as the reason for waiting.
-
-    Yields:
-        None.
-    """
+    """Shows a line on stderr while the block runs, if stderr is a terminal."""
     # Return the cursor to the start of the line, so that other output overwrites it.
     with progress_bar(desc=words, bar_format='{desc}\r'):
         yield

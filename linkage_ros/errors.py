@@ -14,14 +14,7 @@ MOST_LISTED = 20  # number of mistakes that a message lists; it counts the other
 
 
 def printable(text: str) -> str:
-    """Escapes non-printable characters.
-
-    Args:
-        text: Text that may contain names and values from untrusted files.
-
-    Returns:
-        The text, with escape sequences instead of non-printable characters.
-    """
+    """Escapes non-printable characters of a text, which may come from untrusted files."""
     if text.isprintable():
         return text
     parts = (c if c.isprintable() else c.encode('unicode_escape').decode() for c in text)
@@ -29,29 +22,14 @@ def printable(text: str) -> str:
 
 
 def shortened(text: str, longest: int) -> str:
-    """Shortens text by omitting its middle.
-
-    Args:
-        text: Text to shorten.
-        longest: Maximum length of the result, characters.
-
-    Returns:
-        The text if it is short enough, otherwise its start and end, joined by ' ... '.
-    """
+    """Shortens a text to a number of characters: its start and end are joined by ' ... '."""
     if len(text) <= longest:
         return text
     return f'{text[: longest // 2]} ... {text[5 - longest // 2 :]}'
 
 
 def one_line(text: str) -> str:
-    """Formats text for an error message: printable, short and on one line.
-
-    Args:
-        text: Text that may contain names and values from untrusted files.
-
-    Returns:
-        The formatted text, of at most 600 characters.
-    """
+    """Formats a text from untrusted files for an error message: a line of 600 characters."""
     words = shortened(' '.join(text.split()), _LONGEST)
     return shortened(printable(words), _LONGEST)
 
@@ -72,14 +50,11 @@ _UBUNTU = 'with the ROS 2 of Ubuntu, use a virtual environment (docs/ros2.md)'
 
 
 def missing_library(name: str, reason: str = '') -> str:
-    """Returns the error message for a missing library.
+    """Returns one line on a missing library: what requires it, and how to install it.
 
     Args:
         name: Name of the library, without submodules.
         reason: Reason why it cannot be imported although it is installed; empty if it is not.
-
-    Returns:
-        One line that states which feature requires the library and how to install it.
     """
     state = f'is too old or damaged ({reason})' if reason else 'is not installed'
     if name.startswith('rcl') or name.endswith('_msgs'):
@@ -92,13 +67,9 @@ def missing_library(name: str, reason: str = '') -> str:
 
 
 def import_failure(error: ImportError) -> str:
-    """Returns the error message for a failed import.
+    """Returns one line on a failed import, with the cause and a remedy.
 
-    Args:
-        error: The error, which names a module, or none if a library fails while it is loaded.
-
-    Returns:
-        One line with the cause and a remedy.
+    The error names a module, or none if a library fails while it is loaded.
     """
     module, reason = error.name or '', one_line(str(error))
     name = module.partition('.')[0]
@@ -205,10 +176,7 @@ class Mistakes:
 
 @contextmanager
 def in_file(path: str) -> Iterator[None]:
-    """Adds the name of a file to the errors of a block.
-
-    Args:
-        path: The file, as the user gave it.
+    """Adds the name of a file, as the user gave it, to the errors of a block.
 
     Raises:
         ConfigurationError: The block raised this error.

@@ -23,18 +23,11 @@ _WRITTEN = 'is being written by another run: choose another name'
 
 
 def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> BinaryIO:
-    """Opens a file without blocking.
+    """Opens a file without blocking; the caller must close it.
 
     A pipe without a writer reads as empty, and a pipe without a reader cannot be opened for
     writing. A file opened for writing is locked, so that this function cannot open it for writing
     again in any process.
-
-    Args:
-        path: Path of the file.
-        mode: Mode, as for the built-in `open`.
-
-    Returns:
-        The open file, which the caller must close.
 
     Raises:
         BlockingIOError: The file is locked.
@@ -50,14 +43,7 @@ def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> Binar
 
 
 def read_file(path: Path | str, largest: int = LARGEST) -> bytes:
-    """Reads a whole file. All files but logs and bags are read by this function.
-
-    Args:
-        path: Path of the file.
-        largest: Largest allowed size, bytes.
-
-    Returns:
-        The content.
+    """Reads a whole file of at most `largest` bytes, as all files but logs and bags are read.
 
     Raises:
         OSError: The file cannot be read, is not a regular file, or is too large.
@@ -84,9 +70,6 @@ def create_file(
         overwrite: Whether to replace an existing file.
         cure: Instruction for replacing an existing file, for the error message.
 
-    Returns:
-        The open file, which the caller must close.
-
     Raises:
         LinkageError: The file exists and must not be replaced, or cannot be created. The exception
             is of type `kind`.
@@ -107,11 +90,7 @@ def create_file(
 def require_new(path: Path | str, kind: type[LinkageError], *, overwrite: bool, cure: str) -> None:
     """Rejects a path at which no file may be written, before the work for the file begins.
 
-    Args:
-        path: Path of the file, or '-'.
-        kind: Class of the exception to raise.
-        overwrite: Whether to replace an existing file.
-        cure: Instruction for replacing an existing file, for the error message.
+    The arguments are those of `create_file`; the path may be '-'.
 
     Raises:
         LinkageError: The file exists and must not be replaced, or its folder cannot be created.
@@ -140,17 +119,9 @@ def replacement(
 ) -> Iterator[Path]:
     """Provides a temporary file that becomes the file once it is complete.
 
-    At the end of the block, the temporary file is renamed to `path`. If the block raises an
-    exception, the temporary file is removed.
-
-    Args:
-        path: Path of the file. Its folder is created if that folder's parent exists.
-        kind: Class of the exception to raise.
-        overwrite: Whether to replace an existing file.
-        cure: Instruction for replacing an existing file, for the error message.
-
-    Yields:
-        Path of the temporary file, in the same folder.
+    At the end of the block, the temporary file, in the same folder, is renamed to `path`. If the
+    block raises an exception, the temporary file is removed. The arguments are those of
+    `create_file`.
 
     Raises:
         LinkageError: As for `require_new`, or the file cannot be written.
@@ -176,20 +147,7 @@ def replacement(
 def text_output(
     path: Path | str, kind: type[LinkageError], *, overwrite: bool, cure: str
 ) -> Iterator[TextIO]:
-    """Opens a text file in UTF-8 as `replacement` does; '-' is standard output.
-
-    Args:
-        path: Path of the file, or '-'.
-        kind: Class of the exception to raise.
-        overwrite: Whether to replace an existing file.
-        cure: Instruction for replacing an existing file, for the error message.
-
-    Yields:
-        The stream.
-
-    Raises:
-        LinkageError: As for `replacement`.
-    """
+    """Opens a text file in UTF-8 as `replacement` does; '-' is standard output."""
     if str(path) == STANDARD_OUTPUT:
         yield sys.stdout
         return

@@ -124,8 +124,10 @@ class Quantity:
             return value
         cleaned = self._read(value)
         if cleaned is None:
-            is_pair = self.kind == 'pair' and not _is_pair_of_numbers(value)
-            wanted = self.wanted if is_pair else self.valid
+            items = value if isinstance(value, (list, tuple)) else ()
+            are_two_numbers = len(items) == 2 and all(isinstance(x, (int, float)) for x in items)
+            is_no_pair = self.kind == 'pair' and not are_two_numbers
+            wanted = self.wanted if is_no_pair else self.valid
             raise ConfigurationError(
                 f'{name} = {shown(value)}: must be {wanted}{self._hint(value)}'
             )
@@ -158,9 +160,8 @@ class Quantity:
         if self.kind not in {'number', 'whole', 'pair', 'list'} or not texts:
             return ''
         text = texts[0]
-        hint = _comma_hint(text)
-        if hint and (self.kind == 'number' or is_list):
-            return hint
+        if re.fullmatch(r'[-+]?\d+,\d+', text) and (self.kind == 'number' or is_list):
+            return f'; write {text.replace(",", ".")}, with a point instead of a comma'
         if self.kind in {'pair', 'list'} and text.startswith('['):  # as of `ros2 param set`
             return '; do not mix whole numbers with others: [0.0, -9.81]'
         return self._hint_on_number(text)
@@ -254,30 +255,13 @@ def refuse_angles(name: str, value: object, what: str) -> None:
             )
 
 
-def _is_pair_of_numbers(value: object) -> bool:
-    items = value if isinstance(value, (list, tuple)) else ()
-    return len(items) == 2 and all(isinstance(x, (int, float)) for x in items)
-
-
-def _comma_hint(text: str) -> str:
-    """Suggests a point instead of a decimal comma, for an error message."""
-    if not re.fullmatch(r'[-+]?\d+,\d+', text):
-        return ''
-    return f'; write {text.replace(",", ".")}, with a point instead of a comma'
-
-
 def shown(value: object) -> str:
     """Formats a value for an error message, with at most 80 characters."""
     return shortened(' '.join(repr(value).split()), _LONGEST)
 
 
 def did_you_mean(given: str, valid: Iterable[str]) -> str:
-    """Returns '; did you mean NAME?' if a name resembles a valid one, otherwise ''.
-
-    Args:
-        given: See `resembling`, as for the other.
-        valid: The valid names.
-    """
+    """Returns '; did you mean NAME?' if a name resembles a valid one, otherwise ''."""
     found = _resembling_names(given, valid)
     return f'; did you mean {" or ".join(found)}?' if found else ''
 
@@ -285,9 +269,7 @@ def did_you_mean(given: str, valid: Iterable[str]) -> str:
 def resembling(given: str, valid: Iterable[str]) -> str:
     """Returns the valid name that a name resembles most, or ''.
 
-    Args:
-        given: The misspelt name; capital letters, and `-` or a space for `_`, do not count.
-        valid: The valid names.
+    Capital letters, and `-` or a space for `_`, do not count.
     """
     return next(iter(_resembling_names(given, valid)), '')
 
@@ -332,16 +314,13 @@ def counted(number: int, noun: str) -> str:
 
 
 def unknown_name(name: str, owner: str, valid: Collection[str], where: str) -> str:
-    """Returns the error message for an unknown parameter name.
+    """Returns the error message for an unknown name of a parameter, with what is valid instead.
 
     Args:
         name: The unknown name.
         owner: Description of the object without such a parameter.
         valid: The names of its parameters.
         where: Command that lists them.
-
-    Returns:
-        One line that lists the valid names of the same group, if there is such a group.
     """
     if single := _value_above(name, valid):
         return f'{single} is one value, without names below it: write {single}: VALUE'
@@ -400,9 +379,7 @@ def _resembling_parameter(name: str, valid: Iterable[str]) -> str:
 def meant_parameter(name: str, valid: Iterable[str]) -> str:
     """Returns the parameter or group of parameters that is meant by an unknown name, or ''.
 
-    Args:
-        name: The unknown name.
-        valid: The valid names; NAME in them stands for any name.
+    NAME in a valid name stands for any name.
     """
     below = _below(name, valid)
     return (
@@ -451,13 +428,8 @@ def groups(base: type, kinds: Mapping[str, Any]) -> Any:
 def named(kind: str, meaning: str, unit: str = '', **options: Any) -> Any:
     """Declares a dataclass field for a mapping from names to values of one quantity.
 
-    In parameters, the name of a value is that of the field, a dot, and its own.
-
-    Args:
-        kind: Kind of each value.
-        meaning: Meaning of each value.
-        unit: Unit of each value.
-        **options: See `quantity`.
+    In parameters, the name of a value is that of the field, a dot, and its own. The arguments are
+    those of `quantity`.
     """
     value = quantity(kind, meaning, unit, **options).metadata['quantity']
     return dataclasses.field(default_factory=dict, metadata={'quantity': _Named(value)})
@@ -495,12 +467,7 @@ class _Named(NamedTuple):
     value: Quantity
 
     def names(self, prefix: str, values: Mapping[str, object]) -> list[str]:
-        """Returns the names in parameters, in increasing order.
-
-        Args:
-            prefix: Name of the field, and a dot.
-            values: Values by dotted name.
-        """
+        """Returns the names in parameters after a prefix, in increasing order."""
         found = (name.removeprefix(prefix) for name in values if name.startswith(prefix))
         return sorted(name for name in found if '.' not in name)
 
@@ -529,10 +496,6 @@ class _Group(NamedTuple):
     def members(self, prefix: str, values: Mapping[str, object]) -> dict[str, Any]:
         """Returns the classes of the objects in parameters, by name in increasing order.
 
-        Args:
-            prefix: Name of the field, and a dot.
-            values: Values by dotted name.
-
         Raises:
             ConfigurationError: An object has no kind, or an unknown one.
         """
@@ -550,11 +513,7 @@ class _Group(NamedTuple):
         return classes
 
     def kind_of(self, field: str, member: Any) -> str:
-        """Returns the kind of an object.
-
-        Args:
-            field: Name of the field.
-            member: The object.
+        """Returns the kind of an object in a field of this name.
 
         Raises:
             ConfigurationError: Parameters cannot express the object.
@@ -662,13 +621,7 @@ def leaves(
 def _leaves_of_group(
     group: _Group, start: str, values: Mapping[str, object] | None
 ) -> Iterator[Leaf]:
-    """Yields the quantities of the objects in a group; see `leaves`.
-
-    Args:
-        group: The group.
-        start: Name of its field, and a dot.
-        values: Values by dotted name.
-    """
+    """Yields the quantities of the objects in a group; see `leaves`."""
     if values is None and not group.has_kinds:
         yield from leaves(group.kinds[''], f'{start}NAME.')
         return
@@ -680,11 +633,6 @@ def _leaves_of_group(
 
 def _cleaned(field: Any, part: Any, value: Any) -> Any:
     """Validates the value of a field, and converts it to the type of the field.
-
-    Args:
-        field: The field.
-        part: Its quantity, or what it is instead.
-        value: The value.
 
     Raises:
         ConfigurationError: The value is invalid.
@@ -769,14 +717,10 @@ def _is_unknown(value: object) -> bool:
 def _built(
     field: Any, part: Any, values: Mapping[str, object], prefix: str, mistakes: Mistakes
 ) -> object:
-    """Builds the value of a field; returns `MISSING` for its default.
+    """Builds the value of a field, whose parts with mistakes are UNKNOWN; see `build`.
 
-    Args:
-        field: The field.
-        part: Its quantity, or what it is instead.
-        values: See `build`, as for the prefix.
-        prefix: Prefix of the names.
-        mistakes: Collects those in parts of the value, which are then UNKNOWN.
+    Returns:
+        The value; `MISSING` for the default of the field.
 
     Raises:
         ConfigurationError: The value is missing or invalid.
@@ -808,10 +752,7 @@ def _built(
 def changed(instance: _T, values: Mapping[str, object], prefix: str = '') -> _T:
     """Returns a copy of an object with other values; unlike `build`, it keeps unlisted fields.
 
-    Args:
-        instance: A dataclass of quantities.
-        values: New values by dotted name.
-        prefix: Prefix of the names in `values`.
+    The new values are given by dotted name, after the prefix.
     """
     changes: dict[str, object] = {}
     for field, part in _parts(type(instance)):

@@ -95,14 +95,11 @@ class Bag:
         types: Collection[str] = (JOINT_STATE.name,),
         progress: Callable[[int], object] = lambda _: None,
     ) -> Iterator[list[BagMessage]]:
-        """Reads the messages of some types in the order of the files.
+        """Yields the messages of some types by chunk, in the order of the files.
 
         Args:
             types: Types of the messages to read.
             progress: Called with the number of bytes read since the last call.
-
-        Yields:
-            The messages of a chunk, or a single message of a file without chunks.
 
         Raises:
             LogError: The bag is incomplete or damaged; all messages before that were yielded.

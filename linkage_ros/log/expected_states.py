@@ -225,13 +225,7 @@ class SegmentStates:
     """
 
     def __init__(self, run: 'TickStates', simulator: Simulator, motions: Sequence[Any]) -> None:
-        """Starts with the first segment.
-
-        Args:
-            run: The states of the run.
-            simulator: Simulator of the linkage.
-            motions: Segments of the linkage; at least one.
-        """
+        """Starts with the first segment, of which there is at least one."""
         self.number, self._run = 0, run
         self._simulator, self._motions = simulator, motions
         clock_steps = accumulate(motion.stamp - _begin(motion) for motion in motions)
@@ -294,12 +288,7 @@ class TickStates(ExpectedStates):
     kind: ClassVar[type[SegmentStates]] = SegmentStates
 
     def __init__(self, robot: Robot, log: LogReader) -> None:
-        """Starts with the first segments.
-
-        Args:
-            robot: The linkages of the logged configuration.
-            log: The log, which must have at least one segment of each linkage.
-        """
+        """Starts with the first segments; the log must have one or more of each linkage."""
         self.missed, self.tick, self.is_after_gap = 0, -1, False
         # A live run with simulated time may also start at 0, but always has diagnostics.
         starts = {motions[0].stamp for motions in log.motions.values()}

@@ -28,12 +28,7 @@ class LoggedForces:
     """
 
     def __init__(self, robot: Robot, log: LogReader) -> None:
-        """Initializes without a message.
-
-        Args:
-            robot: The linkages of the logged configuration.
-            log: The log.
-        """
+        """Initializes without a message."""
         # The received forces of each load, by its channel, and by its linkage.
         self._loads, self._of = dict[int, _Heard](), dict[str, list[_Heard]]()
         for name, forces in robot.live_forces().items():

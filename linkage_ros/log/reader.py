@@ -190,11 +190,6 @@ class LogReader:
     ) -> None:
         """Reads the configuration, and what happened in the run.
 
-        Args:
-            file: The log.
-            indexes: The index of its metadata records.
-            messages: Number of messages in the file.
-
         Raises:
             LogError: The records do not match the index, or there is no configuration.
         """

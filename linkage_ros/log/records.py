@@ -38,13 +38,7 @@ def seal(fields: dict[str, str]) -> dict[str, str]:
 
 
 def unseal(record: Mapping[str, str]) -> dict[str, str]:
-    """Verifies and removes the checksum of a record.
-
-    Args:
-        record: A record created by `seal`.
-
-    Returns:
-        The fields without the checksum.
+    """Verifies and removes the checksum of a record created by `seal`.
 
     Raises:
         LogError: The checksum is wrong.
@@ -141,13 +135,7 @@ def encode_configuration(configuration: Configuration) -> dict[str, str]:
 
 
 def decode_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]:
-    """Decodes the version and the configuration from a record.
-
-    Args:
-        record: A record created by `encode_configuration`.
-
-    Returns:
-        The version of linkage_ros that wrote the record, and the configuration.
+    """Decodes the version of linkage_ros that wrote a record, and its configuration.
 
     Raises:
         LogError: The record is damaged.
@@ -200,14 +188,7 @@ def encode_motion(segment: Segment, linkage: str = '') -> dict[str, str]:
 
 
 def decode_motion(record: Mapping[str, str], kind: type[Segment]) -> Segment:
-    """Decodes a segment of motion from a record.
-
-    Args:
-        record: A record created by `encode_motion`.
-        kind: Class of the segment.
-
-    Returns:
-        The segment, which is bit-identical to the encoded one.
+    """Decodes a segment of motion of a class, bit for bit, from a record of `encode_motion`.
 
     Raises:
         LogError: The record is damaged.

@@ -95,12 +95,7 @@ class _Copy:
     """Copies the intact records of a log into a new one, with the same division into chunks."""
 
     def __init__(self, file: McapFile, new: LogWriter) -> None:
-        """Prepares the copy.
-
-        Args:
-            file: The damaged log to read.
-            new: The new log, to which intact records are written.
-        """
+        """Prepares the copy of a damaged log."""
         self._file, self._new = file, new
         self._unknown, self._is_configured = 0, False
         self._logged = -1  # number of messages in the end record; -1 if there is none
@@ -112,9 +107,6 @@ class _Copy:
 
     def run(self, progress: Callable[[int], object]) -> Recovered:
         """Copies all intact records; returns the outcome.
-
-        Args:
-            progress: Called with the number of bytes read since the last call.
 
         Raises:
             LogError: The decompressed log would be too large, the log has no configuration, or the
@@ -190,9 +182,6 @@ class _Copy:
 
     def _take_chunk(self, data: bytes) -> None:
         """Copies the channels of a chunk and its messages, unless their channels are unknown.
-
-        Args:
-            data: The uncompressed records.
 
         Raises:
             LogError: The new log cannot be written.

@@ -33,26 +33,13 @@ _TIMES = Field('log time', 'Q'), Field('publish time', 'Q')
 
 
 def message_record(channel: int, times: tuple[int, int], data: bytes) -> bytes:
-    """Encodes a message as an MCAP record.
-
-    Args:
-        channel: Number of the message's channel.
-        times: Log and publish time, ns.
-        data: CDR bytes of the message.
-
-    Returns:
-        The bytes of the record.
-    """
+    """Encodes the CDR bytes of a message, with its log and publish time, ns, as an MCAP record."""
     size = MESSAGE_HEAD.size - _OPCODE_AND_LENGTH + len(data)
     return MESSAGE_HEAD.pack(_OPCODE, size, channel, 0, *times) + data
 
 
 def message_heads(data: bytes, starts: Sequence[int]) -> npt.NDArray[Any]:
-    """Reads the heads of message records.
-
-    Args:
-        data: Bytes with the records.
-        starts: Offset of each record.
+    """Reads the heads of records that start at some offsets.
 
     Returns:
         A structured array with the fields opcode, channel and time (log time, ns). If a record is
@@ -94,13 +81,7 @@ class RowLayout(Template):
         channels: Iterable[tuple[int, Topic]],
         linkages: tuple[str, ...] = ('',),
     ) -> None:
-        """Computes the offsets of the messages and their fields.
-
-        Args:
-            templates: Templates of the messages.
-            channels: Channel number of each message in the log, and its topic.
-            linkages: Names of the linkages that the state holds.
-        """
+        """Computes the offsets of the messages, each given by channel and topic, and of fields."""
         self.linkages = linkages
         parts, patterns = list[Part](), list[bytes]()
         self.channels, self._ends = list[int](), [0]
@@ -124,10 +105,7 @@ class RowLayout(Template):
         Args:
             times: Log and publish time of each state, ns.
             stamps: Stamp of each state, ns.
-            numbers: Numbers in the messages, as computed by the templates, as arrays.
-
-        Returns:
-            The bytes of the rows.
+            numbers: Numbers in the messages, as arrays; see `Robot.row`.
         """
         logged, stamped = np.asarray(times), np.divmod(stamps, NS_PER_S)
         return self.fill(len(logged), (logged, logged, *stamped, *numbers))
@@ -138,9 +116,6 @@ class RowLayout(Template):
         Args:
             times: Log and publish time of each state, ns.
             messages: CDR bytes of each state's messages; see `StateTemplates.pack`.
-
-        Returns:
-            The bytes of the rows.
         """
         count, size = len(messages), self.size
         rows = bytearray(self._blank * count)
@@ -164,15 +139,7 @@ class RowLayout(Template):
         return max(end for end, row in rows if self.count(row, 0))
 
     def count(self, data: bytes | bytearray, at: int) -> int:
-        """Counts complete adjacent rows.
-
-        Args:
-            data: MCAP records.
-            at: Offset of the first row.
-
-        Returns:
-            The number of complete rows from that offset on.
-        """
+        """Counts the complete adjacent rows in MCAP records from an offset on."""
         match = self._whole_rows.match(data, at)
         return (match.end() - at) // self.size if match else 0
 
@@ -185,12 +152,6 @@ class RowLayouts:
     """
 
     def __init__(self, templates: RunTemplates, channels: Mapping[Topic, int]) -> None:
-        """Initializes without a layout.
-
-        Args:
-            templates: Templates of the run's states.
-            channels: Channel number of each topic of the states in the log; others are left out.
-        """
         self._templates, self.channels = templates, channels
         self._made = dict[tuple[str, ...], RowLayout]()
         # The linkage of each channel that one linkage alone has; None for shared channels.
@@ -215,10 +176,6 @@ class RowLayouts:
 
     def at(self, data: bytes | bytearray, at: int) -> RowLayout | None:
         """Finds the layout of the row that begins at an offset, by the topics of linkages in it.
-
-        Args:
-            data: MCAP records.
-            at: Offset of a record.
 
         Returns:
             The layout; None if no message of the row is of one linkage alone.

@@ -103,14 +103,7 @@ def mcap_file(
 
 
 def open_mcap(path: Path, cure: str = _OWN_LOG) -> BinaryIO:
-    """Opens an MCAP file.
-
-    Args:
-        path: Path of the file.
-        cure: End of the error message if it is another file.
-
-    Returns:
-        The open file, which the caller must close.
+    """Opens an MCAP file, which the caller must close; `cure` ends the error of another file.
 
     Raises:
         LogError: The file cannot be read, or is not an MCAP file.
@@ -133,11 +126,7 @@ def open_mcap(path: Path, cure: str = _OWN_LOG) -> BinaryIO:
 
 
 def records(data: bytes, at: int = 0) -> Iterator[tuple[int, int, int, int]]:
-    """Finds the records in the data of a chunk.
-
-    Args:
-        data: The uncompressed records.
-        at: Offset of the first record to find.
+    """Finds the records in the uncompressed data of a chunk, from an offset on.
 
     Yields:
         The opcode, the channel of a message, the start offset and the end offset of each record.
@@ -201,10 +190,7 @@ class McapFile:
             self.at = end
 
     def content(self, at: int) -> Any:
-        """Reads a record of the data section.
-
-        Args:
-            at: Offset of the record.
+        """Reads the record of the data section at an offset.
 
         Returns:
             The uncompressed records of a chunk, None for a message index, or the parsed record of
@@ -258,13 +244,9 @@ class McapFile:
         return opcode, body, at + HEAD.size + length
 
     def next_place(self, at: int) -> int:
-        """Finds the next chunk or metadata record of linkage_ros after a damaged record.
+        """Finds the offset of the next chunk or metadata record of linkage_ros from `at` on.
 
-        Args:
-            at: Offset at which the search starts.
-
-        Returns:
-            The offset of the record, or the size of the file if there is none.
+        It is the size of the file if there is none.
         """
         # The next record is often close, so that large reads would make the time quadratic.
         size = 1 << 10
@@ -326,16 +308,9 @@ def parsed(opcode: int, body: bytes) -> Any:
 
 
 def _unpacked(chunk: mcap_records.Chunk, largest: int) -> bytes:
-    """Decompresses the records of a chunk.
+    """Returns the uncompressed records of a chunk, of at most `largest` bytes.
 
     The size is checked first, because a few bytes may decompress to gigabytes.
-
-    Args:
-        chunk: A chunk with compressed or uncompressed records.
-        largest: Largest size of the uncompressed records, bytes.
-
-    Returns:
-        The uncompressed records.
 
     Raises:
         LogError: The records are too large, or are compressed with an unknown method.

@@ -282,14 +282,9 @@ def write_csv(
 
 
 def _points_of(states: _Table, tables: Iterable[_Table]) -> dict[str, Sequence[float]]:
-    """Returns columns of the traced points at the stamps of a log's states, by their heads.
+    """Returns x and y of the traced points at the stamps of a log's states, by column head.
 
-    Args:
-        states: Table of the states.
-        tables: All tables of the log.
-
-    Returns:
-        Columns of x and y; NaN where a point has no message of that stamp.
+    They are NaN where a point has no message of that stamp.
     """
     columns = dict[str, Sequence[float]]()
     if states.topic.role not in {MECHANISM_STATE.role, JOINT_STATES.role}:

@@ -329,13 +329,7 @@ class TorqueStates(TickStates):
 
 
 def _leapt(plant: Plant, start: Array, spans: Array, steps: int) -> tuple[Array, Array]:
-    """Integrates many motions at once, in equal steps.
-
-    Args:
-        plant: The equations of motion.
-        start: Coordinates, then their rates, of each motion.
-        spans: Duration of each motion, s.
-        steps: Number of steps.
+    """Integrates many motions at once, over `spans`, s, each in the same number of steps.
 
     Returns:
         The coordinates and rates at the end, and the largest error of each motion; see `leap`.

@@ -21,12 +21,7 @@ class TorqueZeros:
     """
 
     def __init__(self, robot: Robot, log: LogReader) -> None:
-        """Initializes before the first message.
-
-        Args:
-            robot: The linkages of the logged configuration.
-            log: The log.
-        """
+        """Initializes before the first message."""
         self._robot, self._names = robot, robot.names
         self._efforts = log.channel(EFFORT_COMMANDS)
         channels = self._efforts, log.channel(TRAJECTORY_COMMANDS)

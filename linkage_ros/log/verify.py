@@ -112,11 +112,7 @@ class Verification:
     """
 
     def __init__(self, log: LogReader) -> None:
-        """Compares the topics and segments of the log with those of a run.
-
-        Args:
-            log: The log to verify.
-        """
+        """Compares the topics and segments of the log with those of a run."""
         self._log, self._rows = log, bytearray()
         self._robot = robot = Robot(log.configuration)
         self.states, self.missed, self.ulp = 0, 0, 0.0
@@ -384,14 +380,10 @@ class Verification:
 
 
 def _description_ulp(logged: bytes, due: bytes) -> float:
-    """Returns the largest difference of positions in two robot descriptions, ulp.
+    """Returns the largest difference of positions in two robot descriptions, CDR bytes.
 
-    Args:
-        logged: CDR bytes of a String, which may be arbitrary.
-        due: CDR bytes of the recomputed String.
-
-    Returns:
-        The difference, in ulp of the largest coordinate of a position; inf if the rest differs.
+    It is in ulp of the largest coordinate of a position; inf if the rest differs. The logged one
+    may be arbitrary.
     """
     if logged == due:
         return 0.0
@@ -424,14 +416,7 @@ class RowComparison:
     def __init__(
         self, log: LogReader, layouts: RowLayouts, layout: RowLayout, names: Mapping[int, str]
     ) -> None:
-        """Initializes without rows.
-
-        Args:
-            log: The log.
-            layouts: Layouts of its rows.
-            layout: Layout of the rows to compare.
-            names: Names of topics by channel number.
-        """
+        """Initializes without rows; `layout` is that of those to compare, of all `layouts`."""
         self._log, self._layouts, self.ulp, self._layout = log, layouts, 0.0, layout
         self._names = [names[channel] for channel in layout.channels]
         self._doubles = [place for place in layout.places if place.code == 'd']
@@ -473,12 +458,7 @@ class RowComparison:
         return count, self._describe(first_byte, logged[row], recomputed[row], units[:, count])
 
     def _units(self, values: Array, again: Callable[[], tuple[Any, bytearray]]) -> Array:
-        """Returns the size of an ulp of each double in recomputed rows, shape (fields, rows).
-
-        Args:
-            values: The doubles.
-            again: Recomputes the rows.
-        """
+        """Returns the size of an ulp of each double in recomputed rows, shape (fields, rows)."""
         moved = np.zeros_like(values)
         for seed in range(_SAMPLES):
             with suppress(LinkageError), noise(_NOISE, seed):  # beyond a limit of the crank
@@ -490,10 +470,7 @@ class RowComparison:
     ) -> npt.NDArray[np.bool_]:
         """Returns which bytes differ and are in no double that is near, shape (rows, bytes).
 
-        Args:
-            logged: The logged rows.
-            recomputed: The recomputed rows.
-            near: Whether each double is equal within the tolerance, shape (fields, rows).
+        `near` states whether each double is equal within the tolerance, shape (fields, rows).
         """
         rows, due = np.frombuffer(logged, np.uint8), np.frombuffer(recomputed, np.uint8)
         wrong = np.not_equal(rows, due).reshape(-1, self._layout.size)

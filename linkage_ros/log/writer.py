@@ -95,15 +95,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self.mcap.add_metadata(Metadata(name, fields))
 
     def add_topic(self, topic: Topic, name: str) -> int:
-        """Declares a channel.
-
-        Args:
-            topic: Topic of the channel's messages.
-            name: Fully qualified name of the topic.
-
-        Returns:
-            The channel number, for `write`.
-        """
+        """Declares a channel for a topic of a fully qualified name; returns its number."""
         interface, mcap = topic.interface, self.mcap
         schemas = {schema.name: number for number, schema in mcap.schemas.items()}
         schema = schemas.get(interface.name, len(schemas) + 1)
@@ -124,11 +116,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
     def add_states(
         self, templates: RunTemplates, name_of: Callable[[Topic], str]
     ) -> dict[str, int]:
-        """Declares the channels of states.
-
-        Args:
-            templates: Templates of the run's states.
-            name_of: Returns the fully qualified name of a topic.
+        """Declares the channels of states; `name_of` returns a topic's fully qualified name.
 
         Returns:
             The channel number of each topic, by `Topic.name`.
@@ -174,13 +162,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
     def _add_records(
         self, records: Sequence[bytes], channels: Sequence[int], entries: Sequence[tuple[int, int]]
     ) -> None:
-        """Appends message records to the current chunk.
-
-        Args:
-            records: The records.
-            channels: Channel number of each.
-            entries: Log time, ns, and offset in the chunk of each.
-        """
+        """Appends message records, each with channel, log time, ns, and offset in the chunk."""
         rows = np.array(entries, np.uint64)
         index = {number: rows[np.equal(channels, number)] for number in dict.fromkeys(channels)}
         self.mcap.add_records(b''.join(records), rows[:, 0], index)

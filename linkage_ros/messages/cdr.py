@@ -25,14 +25,7 @@ OK, WARN, ERROR = 0, 1, 2  # levels of a DiagnosticStatus
 
 
 def stamp_of(data: bytes) -> int:
-    """Reads the stamp in the header of a message.
-
-    Args:
-        data: CDR bytes of a message that starts with a header.
-
-    Returns:
-        The stamp, ns; -1 if the message is too short.
-    """
+    """Reads the stamp, ns, in the header with which a message starts; -1 if it is too short."""
     if len(data) < len(ENCAPSULATION) + STAMP.size:
         return -1
     seconds, nanoseconds = STAMP.unpack_from(data, len(ENCAPSULATION))
@@ -91,15 +84,9 @@ class Status(NamedTuple):
 
 
 def encode_diagnostics(stamp: int, hardware: str, statuses: Sequence[Status]) -> bytes:
-    """Encodes a diagnostic_msgs/DiagnosticArray message.
+    """Encodes a diagnostic_msgs/DiagnosticArray message, padded as in `encode_string`.
 
-    Args:
-        stamp: Stamp of the message, ns.
-        hardware: The hardware_id of every status.
-        statuses: The statuses in the message.
-
-    Returns:
-        The CDR bytes, padded to a multiple of 4 as in `encode_string`.
+    The stamp is in ns; `hardware` is the hardware_id of every status.
     """
     body = count(header('', stamp), len(statuses))
     for level, name, message, values in statuses:
@@ -131,13 +118,7 @@ class JointStateData(NamedTuple):
 
 
 def decode_joint_state(data: bytes) -> JointStateData:
-    """Decodes an untrusted JointState.
-
-    Args:
-        data: CDR bytes of the message, little endian.
-
-    Returns:
-        The contents of the message.
+    """Decodes an untrusted JointState, CDR bytes.
 
     Raises:
         ValueError: The bytes are not a JointState, or the message is too large.
@@ -170,13 +151,7 @@ class JointReader:
         self._values = self._frame
 
     def read(self, data: bytes) -> tuple[int, float | None, float | None]:
-        """Reads a message.
-
-        Args:
-            data: CDR bytes of the message, little endian.
-
-        Returns:
-            The stamp, ns, and position and velocity of the joint, None where they are absent.
+        """Reads stamp, ns, and position and velocity of the joint, None where they are absent.
 
         Raises:
             ValueError: The bytes are not a JointState, or the message is too large.
@@ -257,13 +232,7 @@ class TrajectoryPoint(NamedTuple):
 
 
 def decode_trajectory(data: bytes) -> tuple[int, list[str], list[TrajectoryPoint]]:
-    """Decodes an untrusted JointTrajectory.
-
-    Args:
-        data: CDR bytes of the message, little endian.
-
-    Returns:
-        The stamp, ns, the names of the joints, and the points.
+    """Decodes stamp, ns, names of the joints, and points of an untrusted JointTrajectory.
 
     Raises:
         ValueError: The bytes are not a JointTrajectory, or the message is too large.
@@ -284,13 +253,7 @@ def decode_trajectory(data: bytes) -> tuple[int, list[str], list[TrajectoryPoint
 
 
 def decode_wrench(data: bytes) -> tuple[str, float, float]:
-    """Decodes an untrusted WrenchStamped.
-
-    Args:
-        data: CDR bytes of the message, little endian.
-
-    Returns:
-        The frame_id, and the force along its x and y axes, N.
+    """Decodes frame_id, and the force along its x and y axes, N, of an untrusted WrenchStamped.
 
     Raises:
         ValueError: The bytes are not a WrenchStamped, or the message is too large.
@@ -306,13 +269,7 @@ def decode_wrench(data: bytes) -> tuple[str, float, float]:
 
 
 def decode_point(data: bytes) -> tuple[int, tuple[float, ...]]:
-    """Decodes an untrusted PointStamped.
-
-    Args:
-        data: CDR bytes of the message, little endian.
-
-    Returns:
-        The stamp, ns, and the coordinates x, y and z, m.
+    """Decodes stamp, ns, and the coordinates x, y and z, m, of an untrusted PointStamped.
 
     Raises:
         ValueError: The bytes are not a PointStamped, or the message is too large.

@@ -85,9 +85,6 @@ class Template:
         Args:
             count: Number of copies.
             numbers: For each name, an array with one value per copy, or one number for all.
-
-        Returns:
-            The bytes of all copies.
         """
         rows = bytearray(self._blank * count)
         for place, number in zip(self.places, self._numbers, strict=True):
@@ -95,10 +92,7 @@ class Template:
         return rows
 
     def read(self, data: bytes) -> tuple[npt.NDArray[np.int64], Array]:
-        """Reads messages that match the template, which has a stamp.
-
-        Args:
-            data: Concatenated CDR bytes of one or more messages.
+        """Reads one or more messages that match the template, which has a stamp.
 
         Returns:
             The stamps, ns, shape (n,), and the other numbers, shape (n, numbers).
@@ -121,15 +115,7 @@ class Template:
         return stamps
 
     def column(self, rows: Any, place: Field) -> npt.NDArray[Any]:
-        """Returns a view of one field.
-
-        Args:
-            rows: Bytes of any number of filled templates.
-            place: Field to view.
-
-        Returns:
-            The values of the field, one per template.
-        """
+        """Returns a view of one field in the bytes of any number of filled templates."""
         values: npt.NDArray[Any] = np.ndarray(
             len(rows) // self.size, f'<{place.code}', rows, place.offset, (self.size,)
         )

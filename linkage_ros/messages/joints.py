@@ -89,7 +89,7 @@ def joint_rows(
         driven: Index of the driven link.
 
     Returns:
-        Rows of positions, rad or m, velocities, accelerations and efforts of the joints. A driven
+        Positions, rad or m, velocities, accelerations and efforts of the joints, as rows. A driven
         crank's angle includes all turns; other angles are relative to the parent link and within
         pi of `zero`, without -pi. The effort of the driven joint is the driving torque, N m, or
         force, N, divided by its ratio; other efforts are 0.

@@ -123,14 +123,7 @@ class LinkageNumbers:
     def __init__(
         self, structure: Structure, joints: Sequence[RobotJoint], frame_id: str, linkage: str = ''
     ) -> None:
-        """Prepares the program of the numbers.
-
-        Args:
-            structure: Structure of the mechanism.
-            joints: The joint of each link.
-            frame_id: Frame of the messages.
-            linkage: Name of the linkage.
-        """
+        """Prepares the program of the numbers, given the joint of each link."""
         self.linkage, self.frame_id = linkage, frame_id
         self.joints = [joint.name for joint in joints if joint.name]
         self.driven, self.points = joints[structure.driven], [*structure.traced]
@@ -286,12 +279,8 @@ def _numbers(
 def holding_trajectory(positions: Mapping[str, float], frame_id: str) -> bytes:
     """Encodes a JointTrajectory message that holds positions with efforts of 0, from now on.
 
-    Args:
-        positions: Position of each joint, rad or m, by name.
-        frame_id: Frame of the message.
-
-    Returns:
-        The CDR bytes of the message, whose stamp is 0: a point of the past would be refused.
+    The positions are given by joint, rad or m. The stamp is 0: a point of the past would be
+    refused.
     """
     zeros = [0.0] * len(positions)
     return crank_trajectory([*positions], frame_id, [(0, ([*positions.values()], *[zeros] * 3))])

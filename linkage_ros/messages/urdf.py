@@ -25,10 +25,7 @@ _HARDWARE = {
 
 
 def merged_urdf(descriptions: Sequence[str]) -> str:
-    """Merges robot descriptions that have the same root link.
-
-    Args:
-        descriptions: URDF texts; one or more.
+    """Merges one or more robot descriptions that have the same root link.
 
     Raises:
         ConfigurationError: Their root links differ.

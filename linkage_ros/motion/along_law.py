@@ -77,17 +77,7 @@ class LawMotion(Motion):
         return cls(LawSegment(stamp, law))
 
     def at(self, stamp: int) -> Coordinates:
-        """Computes the coordinates at a stamp.
-
-        Args:
-            stamp: Stamp at or after the start of the segment, ns.
-
-        Returns:
-            Position, rate and acceleration of the driven joint.
-
-        Raises:
-            MotionError: The motion ends before the stamp.
-        """
+        """Computes position, rate and acceleration of the driven joint; see `Motion.at`."""
         turns, place, rate, acceleration = self._moment(stamp)
         q, unwrapped = place, place
         if not self.segment.law.slides:
@@ -99,23 +89,13 @@ class LawMotion(Motion):
         return Coordinates((q,), (rate,), (acceleration,), unwrapped, conditions=self.conditions)
 
     def at_all(self, stamps: Sequence[int]) -> Coordinates:
-        """Computes the coordinates at many stamps, bit-identical to those of `at`.
-
-        Args:
-            stamps: Increasing stamps at or after the start of the segment, ns.
-
-        Returns:
-            The coordinates as arrays, which are shorter than `stamps` if the motion ends.
-
-        Raises:
-            MotionError: The motion ends before the first stamp.
-        """
+        """Computes the coordinates at many stamps; see `Motion.at_all`."""
         end = self.segment.law.end
         reached = [x for x in stamps if end is None or self._time(x) <= end]
         return stacked([self.at(stamp) for stamp in reached or stamps[:1]])
 
     def restamp(self, old: int, new: int) -> 'LawMotion':
-        """Returns the motion after a step of the clock; see `SpeedMotion.restamp`."""
+        """Returns the motion after a step of the clock; see `Motion.restamp`."""
         time = self._time(old)
         segment = replace(self.segment, stamp=new, time=time, old_stamp=old)
         return LawMotion(segment, self.conditions)

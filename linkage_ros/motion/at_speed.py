@@ -105,22 +105,12 @@ class SpeedMotion(Motion):
             start_rpm: Speed at t = 0, turns per minute; ignored if the acceleration is 0.
             rpm: Set speed, turns per minute.
             acceleration: Acceleration towards the set speed, rad/s^2; 0 for an immediate change.
-
-        Returns:
-            The motion in the first segment.
         """
         phase = Fraction(angle) * _TWO_PI_GRID / _TWO_PI
         return cls(_segment(stamp, phase, Fraction(start_rpm), rpm, acceleration))
 
     def at(self, stamp: int) -> Coordinates:
-        """Computes the coordinates at a stamp.
-
-        Args:
-            stamp: Stamp at or after the start of the segment, ns.
-
-        Returns:
-            Crank angle, speed and acceleration, each rounded once.
-        """
+        """Computes crank angle, speed and acceleration, each rounded once; see `Motion.at`."""
         elapsed = stamp - self.segment.stamp
         turned, speed, acceleration = self._phase_after(elapsed), self._settled_speed, 0.0
         angle = _radians(turned % (2 * _TURN), _TURN_SIZE)
@@ -133,14 +123,9 @@ class SpeedMotion(Motion):
         )
 
     def at_all(self, stamps: Sequence[int]) -> Coordinates:
-        """Computes the coordinates at many stamps, bit-identical to those of `at`.
+        """Computes the coordinates at many stamps; see `Motion.at_all`.
 
-        Args:
-            stamps: Increasing stamps at or after the start of the segment, ns.
-
-        Returns:
-            The coordinates as arrays; once the set speed is reached, speed and acceleration are
-            floats.
+        Once the set speed is reached, speed and acceleration are floats.
         """
         elapsed = [stamp - self.segment.stamp for stamp in stamps]
         if elapsed[0] < self._ramp_ns:
@@ -162,15 +147,7 @@ class SpeedMotion(Motion):
         return SpeedMotion(replace(segment, gravity=gravity), conditions)
 
     def restamp(self, old: int, new: int) -> 'SpeedMotion':
-        """Returns the motion after a step of the clock, with continuous phase and speed.
-
-        Args:
-            old: Stamp of the step on the old clock, ns.
-            new: Stamp of the step on the new clock, ns.
-
-        Returns:
-            The motion in the next segment.
-        """
+        """Returns the motion after a step of the clock, with continuous phase and speed."""
         return self.change(old, self.segment.rpm, new)
 
     def change(self, stamp: int, rpm: float, restamp: int | None = None) -> 'SpeedMotion':
@@ -180,9 +157,6 @@ class SpeedMotion(Motion):
             stamp: Stamp of the change, ns.
             rpm: The new set speed, turns per minute.
             restamp: Stamp of the change on the new clock, ns; None if the clock was not stepped.
-
-        Returns:
-            The motion in the next segment.
         """
         segment = _segment(
             stamp=stamp if restamp is None else restamp,

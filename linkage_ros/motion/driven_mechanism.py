@@ -86,14 +86,11 @@ class DrivenMechanism:
         return (angle, *y[1:]), pairs
 
     def position(self, y: tuple[float, ...], pairs: int) -> float:
-        """Returns the position of the driven link, including all turns of a crank.
+        """Returns the position of the driven link, rad or m, including all turns of a crank.
 
         Args:
             y: Coordinates, then their rates.
             pairs: Pairs of whole turns removed from the crank angle in y.
-
-        Returns:
-            The angle, rad, or the position, m, rounded once.
         """
         place: float = y[0] if self.has_driven else self._state(y).position[self.driven]
         if not self.turns:
@@ -112,15 +109,9 @@ class DrivenMechanism:
     def ready(self, y: tuple[float, ...]) -> tuple['DrivenMechanism', tuple[float, ...], float]:
         """Chooses the best coordinates for the motion.
 
-        Args:
-            y: Coordinates, then their rates.
-
         Returns:
             The driven mechanism in the chosen coordinates, y in these coordinates, and the
             estimated time until they become singular, s.
-
-        Raises:
-            LinkageError: As for `Solver.accelerations`.
         """
         if not self.is_limited:
             return self, y, math.inf
@@ -135,12 +126,9 @@ class DrivenMechanism:
         return self, y, min(times, default=math.inf)
 
     def _better(self, y: tuple[float, ...], sine: float, other_sine: float) -> tuple[str, ...]:
-        """Selects new coordinates; empty to keep the current ones.
+        """Selects new coordinates, given the sines of the dyads; empty to keep the current ones.
 
-        Args:
-            y: Coordinates, then their rates.
-            sine: Sine of the dyad in the current coordinates.
-            other_sine: Sine of the dyad in the other coordinates.
+        `other_sine` is that of the dyad in the other coordinates.
         """
         mechanism = self.solver.mechanism
         is_worse = sine < _LEAVE and other_sine > 2 * sine
@@ -164,10 +152,7 @@ class DrivenMechanism:
             coordinates: The mechanism's `coordinates` or `other_coordinates`.
 
         Returns:
-            The driven mechanism in these coordinates, and y in these coordinates.
-
-        Raises:
-            LinkageError: As for `Solver.state`.
+            The driven mechanism, and y, in these coordinates.
         """
         state, structure = self._state(y), self.solver.structure
         positions = [
@@ -183,12 +168,7 @@ class DrivenMechanism:
         return replace(nearest, middle=middle), new_y
 
     def distance(self, y: tuple[float, ...], positions: Sequence[float]) -> float:
-        """Returns how far the links are from positions, rad and m; inf if the loop cannot close.
-
-        Args:
-            y: Coordinates, then their rates.
-            positions: Position of each link.
-        """
+        """Returns how far the links at y are from positions; inf if the loop cannot close."""
         try:
             own_positions = self._state(y).position
         except LinkageError:

@@ -36,13 +36,9 @@ def _in_turns(angle: float) -> int:
 
 
 def _direction(angle: int) -> tuple[float, float]:
-    """Computes sine and cosine with elementary arithmetic, which is equal on all processors.
+    """Computes sine and cosine to two ulp, by arithmetic that is equal on all processors.
 
-    Args:
-        angle: Angle in units of 2^-_BITS turn.
-
-    Returns:
-        Sine and cosine, accurate to two ulp.
+    The angle is in units of 2^-_BITS turn.
     """
     quarter_turn = 1 << _BITS - 2
     quarters = (angle + quarter_turn // 2) // quarter_turn
@@ -302,13 +298,7 @@ def _text(law: Law) -> str:
 
 
 def parse_law(text: str) -> Law:
-    """Parses the output of `str(law)`, which may come from an untrusted file.
-
-    Args:
-        text: The text.
-
-    Returns:
-        The law, bit-identical to the printed one.
+    """Parses the output of `str(law)`, bit for bit; it may come from an untrusted file.
 
     Raises:
         ValueError: The text is not a law. Malformed text may raise other exceptions.

@@ -47,17 +47,7 @@ class LiveForce(Input):
         self._frame_id = link_of(f'{joint_prefix}{load.link}') if turns else frame_id
 
     def read(self, data: bytes, _: int) -> Vector:
-        """Decodes a message.
-
-        Args:
-            data: CDR bytes of a WrenchStamped.
-
-        Returns:
-            The force [x, y], N.
-
-        Raises:
-            ValueError: The message has another frame_id, or its force is not finite.
-        """
+        """Returns the force [x, y], N, in a WrenchStamped, and counts it; see `Input.read`."""
         try:
             force = self._decode(data)
         except ValueError:

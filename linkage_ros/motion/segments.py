@@ -73,6 +73,8 @@ class Motion(ABC):
     def at(self, stamp: int) -> 'Coordinates':
         """Computes the coordinates at a stamp, ns, at or after the start of the segment.
 
+        The stamps of successive calls must not decrease under a torque.
+
         Raises:
             MotionError: The motion ends before the stamp.
         """

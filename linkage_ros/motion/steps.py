@@ -119,10 +119,7 @@ class FixedSteps:
             yield self.phase, self.pairs
 
     def advance(self, time: float) -> None:
-        """Integrates the motion up to a time.
-
-        Args:
-            time: Time not before the time reached, s.
+        """Integrates the motion up to a time, s, not before the time reached.
 
         Raises:
             MotionError: The motion ends earlier. `time` and `phase` then hold the last values.
@@ -180,15 +177,7 @@ class AdaptiveSteps:
     """Integrates a motion with error control at every step; attributes as in `FixedSteps`."""
 
     def __init__(self, driven: DrivenMechanism, phase: Values) -> None:
-        """Starts a motion at t = 0.
-
-        Args:
-            driven: The mechanism and its torque law.
-            phase: Coordinates at t = 0, then their rates.
-
-        Raises:
-            LinkageError: The motion cannot start; see `Solver.accelerations`.
-        """
+        """Starts a motion at t = 0; see `FixedSteps`."""
         self.driven, self.time = driven, 0.0
         self.phase, self.pairs = driven.wound(phase)
         # Continuous solution of the last step, and the pairs of turns removed before it.
@@ -210,14 +199,7 @@ class AdaptiveSteps:
         )  # fmt: skip
 
     def advance(self, time: float) -> None:
-        """Integrates the motion up to a time.
-
-        Args:
-            time: Time not before the time reached, s.
-
-        Raises:
-            MotionError: The motion ends earlier.
-        """
+        """Integrates the motion up to a time, s; see `FixedSteps.advance`."""
         for _ in self.phases([time]):
             pass
 
@@ -280,19 +262,7 @@ Integrate: TypeAlias = Callable[[DrivenMechanism, Values], Steps]
 
 
 def live_steps(driven: DrivenMechanism, phase: Values, **options: Any) -> Steps:
-    """Creates an integrator with bounded work per tick.
-
-    Args:
-        driven: The mechanism and its torque law.
-        phase: Coordinates at t = 0, followed by their rates.
-        **options: Further parameters of `FixedSteps`.
-
-    Returns:
-        The integrator at t = 0.
-
-    Raises:
-        LinkageError: The motion cannot start; see `Solver.accelerations`.
-    """
+    """Creates an integrator with bounded work per tick; arguments as for `FixedSteps`."""
     return live_method(driven)(driven, phase, **options)
 
 

@@ -131,30 +131,16 @@ class TorqueMotion(Motion):
         self._begin(TorqueSegment(stamp, motor.torque))
 
     def at(self, stamp: int) -> Coordinates:
-        """Computes the coordinates at a stamp.
-
-        Args:
-            stamp: Stamp, ns; must not be earlier than in the last call.
-
-        Returns:
-            The coordinates; see `published`.
-
-        Raises:
-            MotionError: The motion ends before the stamp.
-        """
+        """Computes the coordinates at a stamp; see `Motion.at` and `published`."""
         self._advance(stamp)
         self._describe(stamp, self._steps.driven)
         return published(self._steps.driven, self._steps.phase, self._steps.pairs)
 
     def at_all(self, stamps: Sequence[int]) -> Coordinates:
-        """Computes the coordinates at many stamps, bit-identical to those of `at`.
+        """Computes the coordinates at many stamps; see `Motion.at_all`.
 
-        Args:
-            stamps: Increasing stamps, ns; the first must not be earlier than in the last call.
-
-        Returns:
-            The coordinates as arrays. They are shorter than `stamps` if the motion ends or its
-            coordinates change; a change of coordinates starts a new segment.
+        They are also shorter than `stamps` if the coordinates of the motion change, which starts a
+        new segment.
 
         Raises:
             LinkageError: The motion ends before the first stamp.
@@ -216,14 +202,7 @@ class TorqueMotion(Motion):
         self._steps.changed()
 
     def restamp(self, old: int, new: int) -> 'TorqueMotion':
-        """Continues the motion after a step of the clock.
-
-        Args:
-            old: Stamp of the step on the old clock, ns.
-            new: Stamp of the step on the new clock, ns.
-
-        Returns:
-            This motion.
+        """Continues this motion after a step of the clock; see `Motion.restamp`.
 
         Raises:
             MotionError: The motion ends before the step.
@@ -381,15 +360,12 @@ def legible(driven: DrivenMechanism, y: Values) -> Values:
 
 
 def own_coordinates(solver: Solver, state: State, unwrapped: Real) -> Coordinates:
-    """Converts a state to own coordinates; also keeps the state, as they may not determine it.
+    """Returns the mechanism's own coordinates with a state, as they may not determine it.
 
     Args:
         solver: Solver of the mechanism.
         state: A state of floats or arrays.
         unwrapped: Crank angle including all turns, rad.
-
-    Returns:
-        The mechanism's own coordinates with the state.
     """
     own = solver.structure.indices_of(solver.mechanism.coordinates)
     q, u, a = (tuple(row[i] for i in own) for row in state[:3])

@@ -1,6 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shared code of the launch files: arguments, parameters, and actions that start programs."""
+"""Shared code of the launch files: arguments, parameters, and actions that start programs.
+
+`arguments` are the texts of all arguments of a launch file, by name; `values` are parameters of a
+node, by dotted name; `remappings` are topic names and their replacements.
+"""
 
 import json
 import os
@@ -71,15 +75,7 @@ _RVIZ_POINT = re.compile(r'    - Class: rviz_default_plugins/PointStamped\n(?:  
 
 
 def description(arguments: Arguments, start: Callable[[dict[str, str]], list[Any]]) -> Any:
-    """Builds the launch description of a launch file.
-
-    Args:
-        arguments: Arguments of the launch file.
-        start: Function that takes the values of the arguments by name and returns the actions.
-
-    Returns:
-        The launch description.
-    """
+    """Builds the launch description; `start` returns the actions, given the arguments."""
 
     def begin(context: LaunchContext) -> list[Any]:
         _require_known(arguments, Path(start.__code__.co_filename).name)
@@ -95,9 +91,7 @@ def description(arguments: Arguments, start: Callable[[dict[str, str]], list[Any
 def _require_known(arguments: Arguments, file: str) -> None:
     """Rejects misspelt launch arguments, which `ros2 launch` ignores.
 
-    Args:
-        arguments: Arguments of the launch file.
-        file: Name of the launch file. If another file includes it, the command line is for that.
+    If another launch file includes `file`, the command line is for that.
 
     Raises:
         ConfigurationError: The command line of `ros2 launch` has an unknown argument.
@@ -111,14 +105,9 @@ def _require_known(arguments: Arguments, file: str) -> None:
 
 
 def given(arguments: Mapping[str, str], names: Iterable[str]) -> Values:
-    """Returns the parameters set by launch arguments.
+    """Returns the parameters that arguments of these names set, typed as by `-p NAME:=VALUE`.
 
-    Args:
-        arguments: Argument strings by name; empty strings set no parameter.
-        names: Names of the arguments that are parameters, if the launch file has them.
-
-    Returns:
-        The values by name, with the same types as with `-p NAME:=VALUE`.
+    An empty argument, and one that the launch file lacks, sets none.
     """
     texts = {name: text for name in names if (text := arguments.get(name))}
     return {name: text if name in _TEXTS else read_scalar(text) for name, text in texts.items()}
@@ -192,12 +181,6 @@ def robot(arguments: Mapping[str, str]) -> tuple[Values, list[Any]]:
     A robot_state_publisher reads one topic. The first one reads the measured joints, the second
     one the passive joints of the linkage, so that each joint has one publisher.
 
-    Args:
-        arguments: All arguments of robot.launch.py.
-
-    Returns:
-        The parameters of linkage_node, and the actions.
-
     Raises:
         ConfigurationError: The URDF, the file or a value cannot be used.
     """
@@ -226,14 +209,9 @@ def _robot_urdfs(
 ) -> tuple[str, str]:
     """Reads the URDF of a robot, without the mimic tags of the linkages' joints.
 
-    Args:
-        arguments: All arguments of robot.launch.py.
-        joints: Names of the linkages' joints.
-        cranks: Names of their driven joints.
-
     Returns:
-        The URDF; and the same with other names of the driven joints, for the publisher of the
-        linkages' joints: their messages repeat the crank, which another publisher publishes.
+        The URDF; and the same with other names of the driven joints, `cranks`, for the publisher
+        of the linkages' joints: their messages repeat the crank, which another one publishes.
 
     Raises:
         ConfigurationError: The file is not a URDF with these joints.
@@ -259,15 +237,7 @@ def _robot_urdfs(
 
 
 def frame_publisher(arguments: Mapping[str, str], values: Mapping[str, object]) -> list[Any]:
-    """Returns actions that publish where the frame of each linkage is on a robot.
-
-    Args:
-        arguments: All arguments of the launch file.
-        values: Parameters of linkage_node.
-
-    Returns:
-        The actions; nothing if the parameters have no plane.
-    """
+    """Returns actions that publish where the frame of each linkage with a plane is on a robot."""
     sessions = [linkage.session for linkage in configure(values).linkages]
     planes = {session.frame_id: session.plane for session in sessions if session.plane}
     return [_frame_publisher(arguments, frame, plane) for frame, plane in planes.items()]
@@ -294,9 +264,6 @@ def demo(arguments: Mapping[str, str]) -> tuple[Values, Values]:
     They are passed to the node instead of the file, because in rcl the precedence of file sections
     and arguments depends on their order.
 
-    Args:
-        arguments: All arguments of demo.launch.py.
-
     Returns:
         The parameters of linkage_node and those of robot_state_publisher.
 
@@ -310,9 +277,7 @@ def demo(arguments: Mapping[str, str]) -> tuple[Values, Values]:
 def side_by_side(names: Sequence[str], arguments: Mapping[str, str]) -> tuple[Values, Values]:
     """Returns the parameters of one node with several linkages, as `demo` does.
 
-    Args:
-        names: Names of the linkages; the argument with the name of each is its file.
-        arguments: All arguments of the launch file.
+    The argument with the name of each linkage is its file.
     """
     over = given(arguments, ('rpm', *_COMMON))
     values: Values = {LINKAGES: [*names]}
@@ -357,17 +322,7 @@ def program(
     values: Mapping[str, object],
     remappings: Sequence[tuple[str, str]] = (),
 ) -> Any:
-    """Returns an action that starts a program of this package; its exit ends the launch.
-
-    Args:
-        name: Name of the executable.
-        arguments: All arguments of the launch file.
-        values: Parameters of the node.
-        remappings: Topic names and their replacements.
-
-    Returns:
-        The action.
-    """
+    """Returns an action that starts a program of this package; its exit ends the launch."""
     return ros_node(
         arguments,
         package='linkage_ros',
@@ -382,12 +337,7 @@ def program(
 def ros_node(given_to_launch: Mapping[str, str], /, **options: Any) -> Any:
     """Returns an action that starts a node in the namespace of a launch, with its log level.
 
-    Args:
-        given_to_launch: All arguments of the launch file.
-        **options: Options of `launch_ros.actions.Node`.
-
-    Returns:
-        The action.
+    The options are those of `launch_ros.actions.Node`.
     """
     level = given_to_launch['log_level']
     words = ['--log-level', level] if level else []
@@ -399,16 +349,7 @@ def state_publisher(
     values: Mapping[str, object],
     remappings: Sequence[tuple[str, str]] = (),
 ) -> list[Any]:
-    """Returns an action that starts robot_state_publisher if it is installed and not switched off.
-
-    Args:
-        arguments: All arguments of the launch file.
-        values: Parameters of the node.
-        remappings: Topic names and their replacements.
-
-    Returns:
-        The action, or nothing.
-    """
+    """Returns the start of robot_state_publisher if it is installed and not switched off."""
     if not is_asked_for(arguments, 'state_publisher'):
         return []
     # Otherwise both nodes would publish robot_description as latched messages; the log contains
@@ -436,16 +377,7 @@ def _state_publisher(
 
 
 def where_installed(package: str, feature: str, action: Any) -> Any:
-    """Replaces an action by a message if the ROS package that it needs is missing.
-
-    Args:
-        package: Name of the package.
-        feature: The feature that needs the package.
-        action: Action that needs the package.
-
-    Returns:
-        The action, or one that prints what to install.
-    """
+    """Returns an action, or one that says what to install if the ROS package is missing."""
     prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
     index = Path('share', 'ament_index', 'resource_index', 'packages', package)
     if any(Path(prefix, index).is_file() for prefix in prefixes):
@@ -456,13 +388,9 @@ def where_installed(package: str, feature: str, action: Any) -> Any:
 
 
 def parameter_file(values: Mapping[str, object]) -> str:
-    """Writes parameters to a file, because launch_ros would convert the string 1e3 to a number.
+    """Writes parameters of any node to a file, which exists until this process ends.
 
-    Args:
-        values: Values by dotted name, for any node.
-
-    Returns:
-        Path of the file, which exists until this process ends.
+    Otherwise, launch_ros would convert the string 1e3 to a number.
     """
     return _file_in_memory(json.dumps({'/**': {'ros__parameters': values}}))
 

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Geometry of a linkage drawing, as lines and points, for Rerun and for charts.
 
-All coordinates are m in base_link, x to the right and y up.
+All coordinates are m in base_link, x to the right and y up. `positions` and `rates` are those of
+the links in n states, rad and m, and per second, of shape (n, links).
 """
 
 import cmath
@@ -364,7 +365,7 @@ class Drawing:
         Args:
             carriers: The link of each point that is not an end of a link, by point.
             corners: Result of `_hidden`, to which the corners of bars to slots are added.
-            positions: Positions of the links in reach, rad and m, shape (n, links).
+            positions: Positions in reach.
         """
         carried: dict[str, list[str]] = {link: [] for link in self.joints}
         for point, link in carriers.items():
@@ -418,16 +419,9 @@ class Drawing:
         (corners,) = self._all_corners(self.place(positions[:1])) @ (1, 1j)
         return dict(zip(names, corners.tolist(), strict=True))
 
-    def place(self, position: Array) -> Array:
-        """Computes the positions of the moving points.
-
-        Args:
-            position: Positions of the links, shape (n, links), rad and m.
-
-        Returns:
-            The points, in the order of `pins`; shape (n, pins, 2), m.
-        """
-        return plane(placed(self._links, self._weights, self._fixed, position))
+    def place(self, positions: Array) -> Array:
+        """Computes the moving points, in the order of `pins`; shape (n, pins, 2), m."""
+        return plane(placed(self._links, self._weights, self._fixed, positions))
 
     def links(self, points: Array) -> dict[str, Array]:
         """Draws the moving links.
@@ -446,10 +440,6 @@ class Drawing:
     def loads(self, positions: Array, rates: Array) -> dict[str, Array]:
         """Draws the arrows of the loads.
 
-        Args:
-            positions: Positions of the links, shape (n, links), rad and m.
-            rates: Rates of the links, rad/s and m/s.
-
         Returns:
             Lines of shape (n, k, 2), m, by the name of the arrow. The first point is the tail;
             the last three are the head: one side, the tip (ARROW_TIP), the other side.
@@ -466,11 +456,7 @@ class Drawing:
     def labels(self, points: Array) -> Array:
         """Places the label of each pin in the widest gap between the links around the pin.
 
-        Args:
-            points: Points from `place`, shape (n, pins, 2), m.
-
-        Returns:
-            Positions of the labels, of the same shape, m.
+        Takes points from `place`, and returns positions of the same shape, m.
         """
         sides = self._all_corners(points)[:, self._neighbours] - points[:, :, np.newaxis]
         angles = np.sort(np.arctan2(sides[..., 1], sides[..., 0]), axis=2)
@@ -519,11 +505,8 @@ def _shape(ends: tuple[str, str], points: list[str], slots: list[Slot]) -> list[
 def _block_shape(block: list[str], pin: str, points: list[str], slots: list[Slot]) -> list[str]:
     """Returns the corners of a block: its outline, then lines from its pin.
 
-    Args:
-        block: Names of its corners, in the order of `_BLOCK`.
-        pin: Its pin.
-        points: Further points of its link.
-        slots: Slots in its link.
+    `block` has the names of its corners, in the order of `_BLOCK`; `points` and `slots` are
+    further points of its link, and slots in it.
     """
     shape = [block[i] for i in _OUTLINE]
     middle = block[_MIDDLE]
@@ -557,16 +540,12 @@ def plane(points: Complex) -> Array:
 
 
 def _reach(mechanism: Mechanism, crank_angle: float) -> Array:
-    """Samples the positions that the links can reach.
+    """Samples the positions that the links can reach, in the order of the motion if there is one.
 
     Args:
         mechanism: Mechanism whose positions are sampled.
         crank_angle: Crank angle at the start, rad, or position of a driven link that slides, m. A
             crank that cannot turn fully stays on the arc that contains this angle.
-
-    Returns:
-        Positions of the links, rad and m, shape (n, links); in the order of the motion if the
-        crank angle determines them.
     """
     solver = Solver(mechanism)
     if solver.mobility is None:
@@ -588,11 +567,8 @@ def _reach(mechanism: Mechanism, crank_angle: float) -> Array:
 def _block_of_lever(structure: Structure, positions: Array) -> str:
     """Returns the rod of the loop if its barrel must be a lever with a slot, otherwise ''.
 
-    A barrel that has a point farther out than the rod's pin comes is no cylinder's.
-
-    Args:
-        structure: Structure of a mechanism that is given by lengths.
-        positions: Positions of the links in reach, rad and m, shape (n, links).
+    A barrel that has a point farther out than the rod's pin comes is no cylinder's. The mechanism
+    is given by lengths.
     """
     (_, last), *_ = structure.closures
     barrel = structure.links[last].parent
@@ -609,15 +585,8 @@ def _block_of_lever(structure: Structure, positions: Array) -> str:
 def _area(solver: Solver, start: float) -> Array:
     """Samples all crank angles with a range of positions of a free slider around the start.
 
-    In this range, the dyad closes at every crank angle, or at some crank angle if the start does
-    not allow every one.
-
-    Args:
-        solver: Solver of the mechanism.
-        start: Position of the slider at the start, m.
-
-    Returns:
-        Positions of the links, rad and m, shape (n, links).
+    In this range, the dyad closes at every crank angle, or at some crank angle if the start, m,
+    does not allow every one.
     """
     crank, coupler, rod = (abs(weight) for weight in solver.structure.closure.weights if weight)
     longest = crank + coupler + rod
@@ -637,11 +606,9 @@ def _area(solver: Solver, start: float) -> Array:
 
 
 def _rows_around(start: int, closes: Array) -> Array:
-    """Returns which rows of a grid are in the range around the start; see `_area`.
+    """Returns which rows of a grid are in the range around the row of the start; see `_area`.
 
-    Args:
-        start: Row of the start.
-        closes: Whether the dyad closes, by position of the slider and by crank angle.
+    The grid `closes` states whether the dyad closes, by slider position and by crank angle.
     """
     is_possible = closes.all(axis=1) if closes[start].all() else closes.any(axis=1)
     gaps = np.flatnonzero(~is_possible)
@@ -652,12 +619,7 @@ def _rows_around(start: int, closes: Array) -> Array:
 
 
 def _names_of_places(structure: Structure, positions: Array) -> dict[Point, str]:
-    """Returns the name of each point: the first one that is always at its place.
-
-    Args:
-        structure: Structure of the mechanism.
-        positions: Positions of the links in reach, rad and m, shape (n, links).
-    """
+    """Returns the name of each point: the first one that is always at its place."""
     points, names = structure.points.values(), [*structure.points]
     weights, fixed = np.array([x.weights for x in points]), np.array([x.fixed for x in points])
     paths = placed(structure.links, weights, fixed, positions)

@@ -1,6 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arrows for loads: straight for forces, curved about the pivot for torques."""
+"""Arrows for loads: straight for forces, curved about the pivot for torques.
+
+`positions` and `rates` are those of the links in n states, rad and m, and per second, of shape
+(n, links). Points are x + iy, m.
+"""
 
 import cmath
 import math
@@ -30,16 +34,13 @@ _HARDLY = 1e-300  # a rate with a sign but negligible damping force
 
 
 def placed(links: Sequence[Link], weights: Array, fixed: Array, positions: Array) -> Complex:
-    """Computes the positions of points; see `structure.Point`.
+    """Computes the positions of points, shape (n, points), m; see `structure.Point`.
 
     Args:
         links: The moving links.
         weights: Weights of the points, shape (points, links), m.
         fixed: Constant terms, shape (points,), m.
-        positions: Positions of the links, shape (n, links), rad and m.
-
-    Returns:
-        The points, shape (n, points), m.
+        positions: Positions of the links.
     """
     # A slider's position is not an angle, but no point depends on it: its weights are 0.
     turned = np.exp(1j * np.where([link.slides for link in links], 0.0, positions))
@@ -65,7 +66,7 @@ class LoadArrows:
     A force that messages replace is drawn as given in the parameters.
 
     The longest arrow corresponds to the largest load so far; loads that do not depend on speed are
-    known from the start. Points are x + iy, m.
+    known from the start.
 
     Attributes:
         names: Names of the arrows: that of a link for its effort, or that of a force at a point;
@@ -79,7 +80,7 @@ class LoadArrows:
         Args:
             mechanism: Mechanism whose loads are shown.
             mark: Unit of the sizes of arrows, m.
-            positions: Positions that the links can take, shape (n, links), rad and m.
+            positions: Positions that the links can take.
         """
         # Friction depends on joint forces, and so on accelerations; only rates are known here.
         loads = tuple(load for load in mechanism.loads if not load.in_joints(mechanism))
@@ -127,18 +128,12 @@ class LoadArrows:
         return np.concatenate([*ends, np.empty(0, complex)])
 
     def lines(self, positions: Array, rates: Array) -> dict[str, Complex]:
-        """Draws the arrows.
-
-        Args:
-            positions: Positions of the links, shape (n, links), rad and m.
-            rates: Rates of the links, rad/s and m/s.
-
-        Returns:
-            Lines of shape (n, points), by the name of the arrow.
-        """
+        """Draws the arrows: lines of shape (n, points), by the name of the arrow."""
         lines = {}
         for name, load in self._exerted(positions, rates).items():
-            share = self._share(name, load.size)
+            # Relative to the largest magnitude so far.
+            largest = self._largest_so_far(name, load.size)
+            share: Any = load.size / np.where(largest > 0, largest, 1.0)
             if load.at is not None:
                 lines[name] = self._at_point(load.at, share)
                 continue
@@ -176,11 +171,6 @@ class LoadArrows:
             )
             loads[name] = _Load(force, at)
         return loads
-
-    def _share(self, name: str, load: Any) -> Any:
-        """Scales a load by its largest magnitude so far, to -1 to 1; shape (n,)."""
-        largest = self._largest_so_far(name, load)
-        return load / np.where(largest > 0, largest, 1.0)
 
     def _largest_so_far(self, name: str, load: Any) -> Array:
         """Returns the largest magnitude of a load up to each state, which it also stores."""

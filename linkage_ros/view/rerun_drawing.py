@@ -81,16 +81,13 @@ class RerunDrawing:
     def rows(
         self, stamps: npt.NDArray[np.int64], places: Array, rates: Array, torque: Array
     ) -> Iterator[Rows]:
-        """Converts the next samples to rows.
+        """Converts the next samples, one or more, to rows of the moving parts and of the curves.
 
         Args:
-            stamps: Stamps of the samples, ns, shape (n,), n > 0.
+            stamps: Stamps of the samples, ns, shape (n,).
             places: Positions of the links, rad and m, shape (n, links).
             rates: Rates of the links, rad/s and m/s, shape (n, links).
             torque: Driving torque, N m, or force, N, shape (n, 1).
-
-        Yields:
-            Rows of the moving parts and of the curves.
         """
         turning, sliders = self._turning, self._sliders
         places = self._continued(places)

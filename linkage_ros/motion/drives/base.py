@@ -110,14 +110,7 @@ class Drive(Checked):
 
     @abstractmethod
     def begin(self, stamp: int, machine: Machine) -> Motion:
-        """Starts the motion.
-
-        Args:
-            stamp: Stamp of t = 0, ns.
-            machine: The mechanism to move.
-
-        Returns:
-            The motion in its first segment.
+        """Returns the motion in its first segment, given the stamp of t = 0, ns.
 
         Raises:
             ConfigurationError: The crank is measured, not simulated.

@@ -35,17 +35,12 @@ class CrankTrajectories(Input):
         self._machine, self._motion, self._stamp = machine, motion, 0
 
     def read(self, data: bytes, _: int) -> LawMotion:
-        """Reads a trajectory that leaves the motion at the stamp of the last `prepare`.
+        """Returns the motion along a trajectory, a JointTrajectory; see `Input.read`.
 
-        Args:
-            data: CDR bytes of a JointTrajectory.
-
-        Returns:
-            The motion along the trajectory.
+        It leaves the motion at the stamp of the last `prepare`.
 
         Raises:
-            UnnamedError: It does not name this crank.
-            ValueError: The message must be rejected; the error text is the cause.
+            ValueError: The motion ends before that stamp, or the trajectory is impossible.
         """
         points = self._decode(data)
         try:

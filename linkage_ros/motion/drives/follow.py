@@ -127,24 +127,16 @@ class MeasuredCrank(Input):
         self._is_heard = False
 
     def read(self, data: bytes, received: int) -> tuple[int, Coordinates]:
-        """Reads a measurement from a message.
+        """Returns the stamp, ns, and the coordinates in a JointState; see `Input.read`.
 
-        Args:
-            data: CDR bytes of a JointState.
-            received: Time of receipt, ns; replaces the stamp if the message has none.
-
-        Returns:
-            The stamp, ns, and the coordinates of the crank.
-
-        Raises:
-            UnnamedError: The message has no position of the crank.
-            ValueError: The message must be rejected. The error text is the cause, which may be
-                followed by a colon and details.
+        The time of receipt replaces the stamp if the message has none.
         """
         before = self.tracked()
         stamp, measured = self.measure(data, received)
         try:
-            self._require_states(measured)
+            # Near a limit of the crank, rates may overflow.
+            for one in filter(None, (measured, self.later(measured))):
+                self._require_state(one.q[0], one.u[0], one.a[0], under=one.conditions)
         except ValueError:
             self.take_back(before)
             raise
@@ -165,14 +157,7 @@ class MeasuredCrank(Input):
             self._frame.tracked = frame
 
     def stacked(self, found: Sequence[Coordinates]) -> tuple[Coordinates, Coordinates | None]:
-        """Stacks the coordinates of accepted measurements.
-
-        Args:
-            found: The coordinates of each measurement.
-
-        Returns:
-            The coordinates as arrays, and those for the feed-forward torque or None.
-        """
+        """Stacks the coordinates of measurements, and those for the feed-forward torque, if any."""
         if self._machine.lead is None:
             return stacked(found), None
         return stacked(found), stacked([*filter(None, map(self.later, found))])
@@ -183,12 +168,7 @@ class MeasuredCrank(Input):
         return None if lead is None else extrapolated(coordinates, lead / NS_PER_S)
 
     def measure(self, data: bytes, received: int) -> tuple[int, Coordinates]:
-        """Reads the coordinates of the crank like `read`, without checking that a state exists.
-
-        Raises:
-            UnnamedError: The message has no position of the crank.
-            ValueError: The message must be rejected.
-        """
+        """Reads the coordinates of the crank like `read`, without checking that a state exists."""
         crank = self._decode(data, self._joint, self._machine.joint)
         self.require_motion()
         stamp = crank.stamp or received
@@ -241,15 +221,6 @@ class MeasuredCrank(Input):
             return _Measured(stamp, value, value, velocity)
         rate = None if velocity is None else velocity / joint.ratio
         return _Measured(stamp, value, joint.own(value), rate)
-
-    def _require_states(self, found: Coordinates) -> None:
-        """Checks that states exist; near a limit of the crank, rates may overflow.
-
-        Raises:
-            ValueError: The message must be rejected.
-        """
-        for one in filter(None, (found, self.later(found))):
-            self._require_state(one.q[0], one.u[0], one.a[0], under=one.conditions)
 
     def _require_state(self, *motion: Real, under: Conditions = OWN_CONDITIONS) -> None:
         try:

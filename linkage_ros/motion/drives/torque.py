@@ -163,11 +163,7 @@ def _slide_of(
 ) -> Coordinates:
     """Returns position, m, and rate, m/s, of the driven slide, given those of the crank.
 
-    Args:
-        mechanism: A mechanism whose slide is driven.
-        assembly_by_crank: Assembly of the same mechanism with a driven crank.
-        crank_angle: Crank angle, rad.
-        crank_rate: Crank speed, rad/s.
+    `assembly_by_crank` is the assembly of the same mechanism with a driven crank.
     """
     by_crank = Description(mechanism.other_coordinates, assembly_by_crank)
     solver = Solver(mechanism, description=by_crank)
@@ -233,14 +229,7 @@ class TorqueCommands(Input):
         self.counts[REJECTED] += 1
 
     def commanded(self, names: Sequence[str], efforts: Sequence[float]) -> float:
-        """Checks a command.
-
-        Args:
-            names: Names of the joints.
-            efforts: Effort of each joint, N m; only the effort of the crank is used.
-
-        Returns:
-            The commanded torque within `torque_limit`, N m.
+        """Returns the commanded torque within `torque_limit`, N m, given the joints' efforts.
 
         Raises:
             UnnamedError: It does not name this crank.
