@@ -1,6 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motion that follows from structure alone: links that turn together, and rigid links."""
+"""Motion that follows from structure alone: links that turn together, and rigid links.
+
+`links` are the moving links of a mechanism, each a `structure.Link`.
+"""
 
 import itertools
 from collections.abc import Sequence
@@ -10,12 +13,7 @@ from typing import Any
 def spin_of(links: Sequence[Any], j: int) -> int | None:
     """Returns the index of the link whose angle gives the direction of link j.
 
-    Args:
-        links: The moving links of a mechanism, each a `structure.Link`.
-        j: Index of a link.
-
-    Returns:
-        The link itself if it turns; None if nothing that it slides on turns.
+    It is the link itself if that turns, and None if nothing that it slides on turns.
     """
     spin: int | None = j
     while spin is not None and links[spin].slides:
@@ -44,10 +42,6 @@ def carriers_of(pins: Sequence[Any], links: Sequence[Any]) -> list[int | None]:
 
     A dyad whose two ends are on one link, or on links that are rigid with each other, does not
     move relative to it.
-
-    Args:
-        pins: The pin joints, each a `structure.Pin`.
-        links: The moving links of a mechanism, each a `structure.Link`.
 
     Returns:
         The index of that link for each link: its own if it moves, None for the frame.

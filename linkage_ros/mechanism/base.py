@@ -127,23 +127,15 @@ class Mechanism(_FromDrawing):
 
     @classmethod
     def drives(cls, _values: Mapping[str, object]) -> tuple[tuple[str, ...], str]:
-        """Returns the kinds of drive that a mechanism can have; empty if all.
+        """Returns the kinds of drive that the mechanism can have, and why it has no others.
 
-        Args:
-            _values: Parameters of the mechanism by name.
-
-        Returns:
-            The kinds, and why no other kind is accepted.
+        The kinds are empty if it can have all.
         """
         return (), ''
 
     @classmethod
     def unused(cls, _values: Mapping[str, object]) -> dict[str, str]:
-        """Returns the parameters of this class that do not apply, each with the reason.
-
-        Args:
-            _values: Parameters of the mechanism by name.
-        """
+        """Returns the parameters of this class that do not apply, each with the reason."""
         return {}
 
     def converted(self) -> 'Mechanism':
@@ -155,13 +147,9 @@ class Mechanism(_FromDrawing):
         return nullcontext()
 
     def in_own_names(self, text: str) -> str:
-        """Returns a text about crank, coupler and so on in the terms of the drawing, if any.
+        """Returns a text with the names and the unit of the drawing, if there is one.
 
-        Args:
-            text: Text with the names of the links in this class, and with lengths in m.
-
-        Returns:
-            The text with the names and the unit of the drawing.
+        The given text has the names of the links in this class, and lengths in m.
         """
         if self.drawn is None:
             return text
@@ -285,9 +273,6 @@ class Mechanism(_FromDrawing):
         Args:
             name: Name of the link.
             what: Name of the setting, for the error message.
-
-        Returns:
-            The index of the link in `structure().links`.
 
         Raises:
             ConfigurationError: The name is not that of such a link.

@@ -67,11 +67,7 @@ class Outline:
     """
 
     def __init__(self, drawing: Any) -> None:
-        """Reads the lists of pins.
-
-        Args:
-            drawing: A `drawing.Drawing`.
-        """
+        """Reads the lists of pins of a `drawing.Drawing`."""
         self.drawing, self.mistakes = drawing, list[str]()
         links = [(f'drawing.links.{x.name}', x, x.pins) for x in drawing.links]
         slides = [(f'drawing.slides.{x.name}', x, x.all_pins) for x in drawing.slides]
@@ -154,11 +150,7 @@ class Outline:
 
 
 def mistakes_of(drawing: Any) -> Iterator[str]:
-    """Yields the mistakes in a drawing, and in its values that are probably mistakes.
-
-    Args:
-        drawing: A `drawing.Drawing`.
-    """
+    """Yields the mistakes in a `drawing.Drawing`, and its values that are probably mistakes."""
     outline = Outline(drawing)
     checks = [
         _bad_names, _bad_input, _bad_lists, _bad_lengths, _bad_pins, _bad_slides, _bad_cylinders,
@@ -173,12 +165,9 @@ def mistakes_of(drawing: Any) -> Iterator[str]:
 
 
 def mistakes_of_places(drawing: Any, loads: Any, points: Any) -> Iterator[str]:
-    """Yields the mistakes in the places of loads and points on a drawing.
+    """Yields the mistakes in the places of loads and points on a `drawing.Drawing`.
 
-    Args:
-        drawing: A `drawing.Drawing`.
-        loads: The loads; UNKNOWN if they were rejected, as for the points.
-        points: The traced points.
+    The loads are UNKNOWN if they were rejected, and likewise the points.
     """
     outline = Outline(drawing)
     for load in () if loads is UNKNOWN else loads:

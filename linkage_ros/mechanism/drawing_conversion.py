@@ -145,11 +145,7 @@ class Conversion:
     """
 
     def __init__(self, drawing: Any) -> None:
-        """Collects the bodies.
-
-        Args:
-            drawing: A `drawing.Drawing`.
-        """
+        """Collects the bodies of a `drawing.Drawing`."""
         self.drawing, self.unit = drawing, UNITS[drawing.units]
         self.at = {name: Exact.of(place, self.unit) for name, place in drawing.pins.items()}
         self.bodies = {link.name: _Body(link.name, link.pins, link) for link in drawing.links}
@@ -420,11 +416,6 @@ class Conversion:
     def in_assembly(self, kind: Any, ambiguity: str, **parts: Any) -> Mechanism:
         """Returns the mechanism in the assembly whose links are nearest to the drawn ones.
 
-        Args:
-            kind: Class of the mechanism.
-            ambiguity: See `_Loop`.
-            **parts: Parts of the mechanism.
-
         Raises:
             ConfigurationError: The drawing does not show the assembly.
         """
@@ -489,11 +480,7 @@ class Conversion:
     ) -> Callable[[], Dyad] | None:
         """Returns the function that makes the dyad of two bodies; None if they are none.
 
-        Args:
-            name: Name of the dyad.
-            first: The first body.
-            last: The second one.
-            carried_pins: Pins of the first body that known bodies carry.
+        Known bodies carry `carried_pins` of the first body.
         """
         if len(carried_pins) != 1 or first.on:
             return None

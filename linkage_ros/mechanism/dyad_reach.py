@@ -48,13 +48,7 @@ class _Worst(NamedTuple):
 
 
 def reach_of(mechanism: Any) -> Reach | None:
-    """Computes the reach of the crank, with the dyads.
-
-    Args:
-        mechanism: The mechanism.
-
-    Returns:
-        The reach; None if the crank angle does not determine the motion.
+    """Computes the reach of the crank, with the dyads, as `Mechanism.reach` without them.
 
     Raises:
         MechanismError: A dyad does not close at any crank angle.
@@ -108,10 +102,7 @@ def stroke_of(mechanism: Any, what: str, name: str) -> Stroke:
     The far end of a slider's stroke is farther from the first pin of the link with the guide, or
     from the crank pivot; a rod is in its barrel there, as in an inverted slider-crank.
 
-    Args:
-        mechanism: The mechanism.
-        what: Name of the setting, for the error message.
-        name: Name of the slider.
+    See `Mechanism.stroke` for the arguments.
 
     Raises:
         ConfigurationError: The crank cannot turn fully, or the slider does not reverse twice.
@@ -253,11 +244,7 @@ def _samples(
 ) -> tuple[Array, Array]:
     """Samples margins over an arc, with steps halved where a cubic does not predict their middle.
 
-    Args:
-        margins: Function that returns margins, m, at crank angles, rad.
-        arc: The arc, rad.
-        error: Largest error of a prediction, m.
-        is_ring: Whether the arc is a period of whole turns.
+    `error` is the largest error of a prediction, m; a ring is an arc of whole turns.
 
     Returns:
         Crank angles in increasing order, rad, shape (samples,), and the margins there, m, shape

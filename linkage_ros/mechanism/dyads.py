@@ -292,8 +292,7 @@ class Dyad(Checked):
     def gap(self, distance: float) -> str:
         """Describes by how much the dyad does not close.
 
-        Args:
-            distance: Distance of the ends, or of the first end from the pin's path, m.
+        The distance is that of the ends, or of the first end from the pin's path, m.
         """
         (link, last), (start, *_, end) = self.parts, self.pins
         if self.barrel is not None:
@@ -330,11 +329,9 @@ def dyads_field() -> Any:
 
 
 def ordered(dyads: Sequence[Dyad], links: Sequence[str]) -> tuple[Dyad, ...]:
-    """Sorts dyads so that each follows the dyads that carry it, and otherwise by name.
+    """Sorts dyads so that each follows those that carry it, and otherwise by name.
 
-    Args:
-        dyads: The dyads.
-        links: Names of the links of the loop.
+    `links` are the names of the links of the loop.
 
     Raises:
         ConfigurationError: Two dyads have one name, a link is unknown, or dyads carry each other.
@@ -588,11 +585,7 @@ class BarrelAndRod(NamedTuple):
 def _derivatives(
     point: Any, links: Sequence[LinkPose]
 ) -> tuple[Vector, list[Vector], list[Vector]]:
-    """Computes a point and its derivatives with respect to the coordinates.
-
-    Args:
-        point: The point, or a vector, as a `structure.Point`.
-        links: Poses of the links that carry it.
+    """Computes a `structure.Point`, or a vector, and its derivatives by the coordinates.
 
     Returns:
         The position x; x_1, its derivatives; and x_2, the coefficients of the products of rates

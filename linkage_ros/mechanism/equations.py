@@ -124,12 +124,6 @@ class Model(NamedTuple):
             pivot: The point of base_link that is fixed in the world if it turns, m.
             **refusals: Functions that reject values, by field name; by default, all values are
                 accepted.
-
-        Returns:
-            The constants of the formulas.
-
-        Raises:
-            ConfigurationError: A load does not fit the mechanism.
         """
         return cls(
             loop or mechanism.chain(),
@@ -216,14 +210,10 @@ def _product(row: Iterable[Real], column: Iterable[Real]) -> Real:
 def acting_forces(
     model: Model, links: Sequence[LinkPose], rates: Sequence[Real]
 ) -> Iterator[tuple[int, Real]]:
-    """Yields the generalised forces of weights, then those of the loads.
+    """Yields the generalised forces of weights, then those of the loads, as for `balance`.
 
-    The torque of the weights on a turning link is Re(conj(i W_j e^(i phi_j)) g).
-
-    Args:
-        model: Constants of the mechanism.
-        links: Poses of the links; only `position` and `direction` are used.
-        rates: Velocity of each link, rad/s or m/s.
+    The torque of the weights on a turning link is Re(conj(i W_j e^(i phi_j)) g). Of the poses,
+    `position` and `direction` are used.
 
     Yields:
         Index of a link and torque on it, N m, or force along its guide, N.

@@ -102,14 +102,7 @@ class FourBarLoop(NamedTuple):
     close: bool
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
-        """Computes the pose at a crank angle.
-
-        Args:
-            q: Crank angle, rad, as the only element.
-
-        Returns:
-            The pose of crank, coupler and rocker.
-        """
+        """Computes the pose of crank, coupler and rocker at a crank angle, rad."""
         (crank,) = q
         halves = self.transmission.half_angles(crank)
         half_way = turned(self.axis, halves.cos_h, halves.sin_h)  # e^(i (delta + h))
@@ -140,10 +133,7 @@ class FourBarLoop(NamedTuple):
     ) -> tuple[Vector, Real, Real]:
         """Computes the mean direction of coupler and rocker, (beta + gamma) / 2.
 
-        Args:
-            half_way: e^(i (delta + h)).
-            halves: Result of `Transmission.half_angles`.
-            m_slopes: m' and m''.
+        `half_way` is e^(i (delta + h)); `m_slopes` are m' and m''.
 
         Returns:
             The unit vector, and the first and second derivatives of its angle, the first of which
@@ -178,14 +168,8 @@ class FourBarLoop(NamedTuple):
 
         With a = (d-r)(d+r) and e = (b-c)(b+c) mu', nu = (a - e) / L^2 loses digits if a and e are
         nearly equal. The identity (a - e)(a + e) = L^2 g, where g is a sum of non-negative terms,
-        avoids this cancellation: nu = g / (a + e).
-
-        Args:
-            halves: Result of `Transmission.half_angles`.
-            m_slopes: m' and m''.
-
-        Returns:
-            (1 - nu) / 2, and its derivative with respect to the crank angle.
+        avoids this cancellation: nu = g / (a + e). The derivative is with respect to the crank
+        angle.
         """
         sin_h, cos_h, sin_m, cos_m, u, v = halves
         m_1, m_2 = m_slopes

@@ -487,19 +487,7 @@ def joint_load_round(
     search: Search,
     environment: Environment = AT_REST,
 ) -> Round:
-    """Computes the state under the loads caused by given joint forces, and one Newton step.
-
-    Args:
-        model: Constants of the mechanism.
-        q: Coordinates, rad or m.
-        u: Rates of the coordinates.
-        a: Accelerations of the coordinates.
-        search: The joint forces from the previous round.
-        environment: The external influences.
-
-    Returns:
-        The state, the forces, and the input of the next round.
-    """
+    """Computes the state under the loads caused by given joint forces, and one Newton step."""
     if outside := leaves(environment):
         require(is_finite(*outside), model.refuse, *q, *u, *a, *outside)
     model = model.within(environment)

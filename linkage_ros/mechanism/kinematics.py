@@ -241,10 +241,7 @@ class Reach(NamedTuple):
         return self.turns_fully and (low == 0 or high == math.pi)
 
     def require_full_turn(self, otherwise: str = '') -> None:
-        """Rejects a mechanism whose crank cannot turn fully.
-
-        Args:
-            otherwise: Remedy other than a change of lengths, added to the message.
+        """Rejects a mechanism whose crank cannot turn fully; adds another remedy to the message.
 
         Raises:
             MechanismError: The crank is limited. The message states class, causes and arcs.
@@ -259,10 +256,7 @@ class Reach(NamedTuple):
             raise MechanismError(self._refusal('turn fully', cures) + otherwise)
 
     def refuse(self, crank: float) -> NoReturn:
-        """Rejects a crank angle at which no state exists or the rates are infinite.
-
-        Args:
-            crank: Crank angle, rad, or position of a driven link that slides, m.
+        """Rejects a crank angle, rad or m, at which no state exists or the rates are infinite.
 
         Raises:
             UnreachableError: Always. The message states class, causes and reachable arcs.
@@ -284,13 +278,9 @@ class Reach(NamedTuple):
         return f'{start:.6g} to {end:.6g} rad = {degrees}'
 
     def arc_around(self, place: float) -> Arc:
-        """Returns the arc that contains a place of the driven joint; if none does, the nearest.
+        """Returns the arc that contains a place of the driven joint, rad or m, or the nearest one.
 
-        Args:
-            place: Crank angle, rad, or position of a driven link that slides, m.
-
-        Returns:
-            The arc; that of a crank in the turn where the angle is.
+        The arc of a crank is in the turn where the angle is.
         """
         if self.slides:
             return min(self.arcs, key=lambda arc: _distance_to_arc(place, arc, math.inf))
@@ -305,13 +295,8 @@ class Reach(NamedTuple):
     def samples(self, steps_per_turn: int = 720) -> Array:
         """Returns crank angles over one period, with steps small enough to resolve the motion.
 
-        Where the output moves fast, the steps are much smaller than `width`.
-
-        Args:
-            steps_per_turn: Number of uniform steps in a turn, to which finer steps are added.
-
-        Returns:
-            Angles from 0 to 2 pi or 4 pi, rad, in increasing order.
+        Where the output moves fast, finer steps are added, much smaller than `width`. The angles
+        increase from 0 to 2 pi or 4 pi, rad.
         """
         turns = self.period_turns
         even = _even_angles(turns, steps_per_turn)

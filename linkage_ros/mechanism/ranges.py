@@ -26,11 +26,7 @@ class Ranges:
     """Compares the states of a motion with load curves over position, and with valves."""
 
     def __init__(self, solver: Solver) -> None:
-        """Collects the ranges of the loads.
-
-        Args:
-            solver: Solver of the mechanism.
-        """
+        """Collects the ranges of the loads."""
         self._solver, mechanism = solver, solver.mechanism
         self._links = solver.structure.links
         self._valid = dict[str, Range]()
@@ -46,10 +42,7 @@ class Ranges:
         self._noted: set[str] = set()
 
     def require_valves(self, reversals: Iterable[float]) -> None:
-        """Checks that the crank reverses at ends of the stroke only, if a gas has valves.
-
-        Args:
-            reversals: Crank angles at which it reverses, rad.
+        """Checks that the crank angles of reversals, rad, are ends of the stroke of valves.
 
         Raises:
             ConfigurationError: It reverses inside the stroke.

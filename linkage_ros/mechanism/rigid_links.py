@@ -48,12 +48,7 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
     are stacked along z so that they do not intersect. A dyad's link without a length is a block at
     its pin.
 
-    Args:
-        mechanism: Mechanism to convert.
-        joint_prefix: Prefix of all joint names.
-
-    Returns:
-        The links, in which a small value replaces a mass or inertia of 0.
+    A small value replaces a mass or inertia of 0. `joint_prefix` begins all names.
     """
     structure = mechanism.structure()
     barrel_mouth, (_, last_of_loop) = mouth(structure).real, structure.closures[0]

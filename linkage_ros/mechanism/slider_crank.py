@@ -86,14 +86,7 @@ class SliderCrankLoop(NamedTuple):
     offset: float
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
-        """Computes the pose at a crank angle.
-
-        Args:
-            q: Crank angle, rad, as the only element.
-
-        Returns:
-            The pose of crank, coupler and slider.
-        """
+        """Computes the pose of crank, coupler and slider at a crank angle, rad."""
         (angle,) = q
         r, b, guide = self.crank, self.coupler, self.guide
         halves = self.transmission.half_angles(angle)

@@ -95,8 +95,8 @@ class Solver:
     there is only one. Arrays broadcast. If a sliding link is driven, each torque is a force, N,
     along its guide; it lengthens a cylinder if positive.
 
-    A state holds the `Conditions` under which it was computed, so that methods that take a state
-    need nothing else.
+    A state holds the `Conditions` under which it was computed, so that methods that take a state,
+    of floats or arrays, need nothing else. They reject one of another mechanism.
 
     Attributes:
         mechanism: The mechanism.
@@ -406,11 +406,7 @@ class Solver:
     ) -> Any:
         """Solves M q'' + h - Q = torque for the accelerations q'' under a given torque.
 
-        Args:
-            q: Coordinates, rad and m, as for `state`.
-            u: Rates of the coordinates, rad/s and m/s.
-            torque: Torque on the crank, N m, positive counter-clockwise.
-            under: Conditions that differ from the mechanism's own.
+        Arguments are as for `state`; the torque is that on the crank, N m.
 
         Returns:
             Accelerations of the coordinates, rad/s^2 and, for a wind pump's slider, m/s^2. They
@@ -478,23 +474,14 @@ class Solver:
     def dyad_sines(self, y: Sequence[float]) -> tuple[DyadSine, ...]:
         """Computes the sine of the angle between the two links of each dyad.
 
-        Args:
-            y: Coordinates followed by their rates, floats.
-
-        Returns:
-            A `DyadSine` for each dyad, with the dyads of the other coordinates, if any, last.
-
-        Raises:
-            LinkageError: As for `state`.
+        The dyads of the other coordinates, if any, are last. `y` are coordinates, then their
+        rates, floats.
         """
         program = self.program(equations.dyad_sines, 'q', 'u')
         return cast('tuple[DyadSine, ...]', program.floats(*y))
 
     def energy(self, state: State) -> tuple[Real, Real]:
         """Computes the mechanical energy of a state.
-
-        Args:
-            state: A state of floats or arrays, from `state`.
 
         Returns:
             The kinetic energy, J, and the potential energy of weights and loads, up to a constant,
@@ -513,30 +500,18 @@ class Solver:
         return cast('tuple[Real, Real]', self._run(equations.energy, state.conditions, q=q, u=u))
 
     def matrix(self, q: Numbers) -> tuple[tuple[Real, ...], ...]:
-        """Computes the mass matrix M.
+        """Computes the rows of the mass matrix M at coordinates, as for `state`.
 
-        Args:
-            q: Coordinates, rad and m, as for `state`.
-
-        Returns:
-            The rows of the matrix. Entries are in kg m^2 for two angles, kg m for an angle and a
-            position, and kg for two positions.
-
-        Raises:
-            LinkageError: As for `state`.
+        Entries are in kg m^2 for two angles, kg m for an angle and a position, and kg for two
+        positions.
         """
         return cast('tuple[tuple[Real, ...], ...]', self._run(equations.matrix, q=q))
 
     def point(self, state: State, name: str) -> PointMotion:
-        """Computes the motion of a point of the mechanism.
+        """Computes the motion of a point of the mechanism in a state.
 
-        Args:
-            state: A state of floats or arrays, from `state`.
-            name: A traced point, a pin, such as 'B', the mouth 'E' of a barrel, or a joint of a
-                dyad, such as 'ram_joint'.
-
-        Returns:
-            Position, velocity and acceleration of the point, in the axes of base_link.
+        It is a traced point, a pin, such as 'B', the mouth 'E' of a barrel, or a joint of a dyad,
+        such as 'ram_joint'.
 
         Raises:
             ConfigurationError: The mechanism has no such point.
@@ -554,12 +529,9 @@ class Solver:
         return {one.name: one for one in (*(drawn.cylinders if drawn else ()), *found)}
 
     def spring(self, state: State, name: str) -> SpringMotion:
-        """Computes length, rate and tension of a load of kind spring, or of a cylinder.
+        """Computes length, rate and tension of a load of kind spring in a state.
 
-        Args:
-            state: A state of floats or arrays, from `state`.
-            name: Name of the load, or of a cylinder of a drawing without a load, whose tension
-                is 0.
+        It may be a cylinder of a drawing without a load, whose tension is 0.
 
         Raises:
             ConfigurationError: The mechanism has no such spring.
@@ -586,13 +558,7 @@ class Solver:
         return cast('PointMotion', program(*row))
 
     def reactions(self, state: State) -> Reactions:
-        """Computes the forces in the joints, the shaking force and the shaking moment.
-
-        Args:
-            state: A state of floats or arrays, from `state`.
-
-        Returns:
-            The joint forces, the shaking force and the shaking moment.
+        """Computes the forces in the joints, the shaking force and moment, in a state.
 
         Raises:
             UnreachableError: The mechanism is at a change point, where joint forces are infinite.
@@ -625,15 +591,9 @@ class Solver:
         They are the power of the loads per unit of each link's rate. A force at a point of the
         coupler therefore also acts on the crank, unlike in `exerted`.
 
-        Args:
-            state: A state of floats or arrays, from `state`.
-
         Returns:
             The torque on each loaded link by its name, N m, positive counter-clockwise; for a
             sliding link, the force along its guide, N.
-
-        Raises:
-            ConfigurationError: The argument is not a state of this mechanism, or as for `state`.
         """
         bodies, forces = self.structure.links, dict[str, Real]()
         links = poses(bodies, self._rows(state)[0])
@@ -643,19 +603,10 @@ class Solver:
         return {name: number(force) for name, force in forces.items()}
 
     def wrenches(self, state: State) -> dict[str, list[Wrench]]:
-        """Computes the forces and couples of loads and friction on all bodies.
+        """Computes the forces and couples on all bodies, by the name of the load or friction.
 
         Weights and inertia are not among them, and neither is the inertia due to a turning frame.
         The friction includes the effect of all of these on the joint forces.
-
-        Args:
-            state: A state of floats or arrays, from `state`.
-
-        Returns:
-            The wrenches of each load by its name.
-
-        Raises:
-            ConfigurationError: The argument is not a state of this mechanism, or as for `state`.
         """
         position, velocity, _ = self._rows(state)
         under, model = state.conditions, self._constants.tree
@@ -682,15 +633,6 @@ class Solver:
         are added for each load and point; each further point of a link has a number. Unlike
         `load_forces`, a force at a point of the coupler does not appear on the crank. Forces on
         the frame and couples on sliding links are left out.
-
-        Args:
-            state: A state of floats or arrays, from `state`.
-
-        Returns:
-            The sums, as floats or arrays.
-
-        Raises:
-            ConfigurationError: As for `wrenches`.
         """
         bodies, exerted = self.structure.links, Exerted({}, {})
         links = poses(bodies, self._rows(state)[0])
@@ -710,10 +652,7 @@ class Solver:
         return exerted
 
     def alignment(self, q: Sequence[float]) -> tuple[float, str]:
-        """Measures how close a dyad is to being in line, where the motion may end.
-
-        Args:
-            q: Coordinates, a sequence of floats even for a single coordinate.
+        """Measures how close a dyad is to being in line at coordinates, where the motion may end.
 
         Returns:
             The smallest sine of the angle between a dyad's two links, or between a link and the
@@ -740,16 +679,7 @@ class Solver:
     def _run(
         self, formula: Callable[..., Any], under: Conditions = OWN_CONDITIONS, **given: Any
     ) -> Any:
-        """Evaluates a formula of the model.
-
-        Args:
-            formula: Function of the model, the arguments, and the environment if there is one.
-            under: Conditions that differ from the mechanism's own.
-            **given: Arguments of the formula, by their keys in `names`.
-
-        Returns:
-            The result of the formula, with arrays if an argument is an array.
-        """
+        """Evaluates a formula of the model, whose arguments are given by their keys in `names`."""
         values = [x for letter, row in given.items() for x in self._row(letter, row)]
         return self.program(formula, *given, under=under)(*values, *under.values)
 

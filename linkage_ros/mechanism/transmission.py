@@ -124,11 +124,7 @@ class Transmission(NamedTuple):
     refuse: Opaque
 
     def half_angles(self, crank: Real) -> HalfAngles:
-        """Computes sines and cosines of half the crank angle and transmission angle.
-
-        Args:
-            crank: Crank angle, rad.
-        """
+        """Computes sines and cosines of half the crank angle, rad, and transmission angle."""
         sin_h, cos_h = half_angle(crank, self.reference)
         kappa_sin, kappa_cos = self.kappa * sin_h, self.kappa * cos_h
         cos_m = self.cos_squared.root(kappa_cos, kappa_sin, self.refuse, crank)
@@ -138,15 +134,7 @@ class Transmission(NamedTuple):
         return HalfAngles(sin_h, cos_h, sin_m, cos_m, u, v)
 
     def slopes(self, halves: HalfAngles, factor: float = 1.0) -> tuple[Real, Real]:
-        """Computes derivatives of the transmission angle with respect to the crank angle.
-
-        Args:
-            halves: Result of `half_angles`.
-            factor: Factor by which both derivatives are multiplied.
-
-        Returns:
-            d(2m)/d(2h) and d^2(2m)/d(2h)^2, times the factor.
-        """
+        """Computes d(2m)/d(2h) and d^2(2m)/d(2h)^2 from `half_angles`, times a factor."""
         _, _, sin_m, cos_m, u, v = halves
         p, q = self.cos_squared.least, self.sin_squared.least
         # 1 - u^2 = p / cos^2 m and 1 - v^2 = q / sin^2 m, without cancellation.
@@ -218,9 +206,6 @@ class Transmission(NamedTuple):
             cures: Changes that would let the crank turn fully; used only if it is limited.
             pass_by: Largest h at which the crank pin is close to the rocker pivot, rad; 0 if there
                 is no rocker pivot, or if the pin passes through it.
-
-        Returns:
-            The reach.
         """
         limits, equalities, near_equalities = list[str](), list[str](), list[str]()
         longest = max(abs(length) for terms in sums.values() for length in terms)

@@ -58,14 +58,10 @@ class Travel(NamedTuple):
 
 
 def travel(solver: Solver) -> Travel:
-    """Finds the extreme positions and reversals of the output link.
+    """Finds the extreme positions and reversals of the output link of a crank that turns fully.
 
-    Args:
-        solver: Solver of a mechanism whose crank turns fully.
-
-    Returns:
-        The travel. Its positions are accurate to a few ulp, because an error of the crank angle
-        has only a second-order effect on an extreme position.
+    The positions are accurate to a few ulp, because an error of the crank angle has only a
+    second-order effect on an extreme position.
 
     Raises:
         ConfigurationError: The argument is not a `Solver`.

@@ -77,11 +77,7 @@ class WindPumpLoop(NamedTuple):
     refuse: Opaque
 
     def squares(self, q: tuple[Real, ...]) -> tuple[Real, Real, Real]:
-        """Computes P, Q and L^2, m^2; rejects a dyad that cannot close or is collinear.
-
-        Args:
-            q: Crank angle, rad, and slider position, m.
-        """
+        """Computes P, Q and L^2, m^2; rejects a dyad that cannot close or is collinear."""
         angle, slide = q
         r, b, c = self.crank, self.coupler, self.rod
         half = 0.5 * angle
@@ -101,14 +97,7 @@ class WindPumpLoop(NamedTuple):
         return stretch, fold, (d - r) * (d - r) + near
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
-        """Computes the pose at the coordinates.
-
-        Args:
-            q: Crank angle, rad, and slider position, m.
-
-        Returns:
-            The pose of crank, coupler, rod and slider.
-        """
+        """Computes the pose of all links at a crank angle, rad, and a slider position, m."""
         angle, slide = q
         r, b, c = self.crank, self.coupler, self.rod
         stretch, fold, square = self.squares(q)

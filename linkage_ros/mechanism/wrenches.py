@@ -4,7 +4,8 @@
 
 Virtual power gives the generalised forces of a wrench, without joint forces; the joint forces and
 the shaking force follow from the same wrench in the balances of its body. The functions take poses
-whose `position` and `direction` are set; their derivatives are not used.
+whose `position` and `direction` are set; their derivatives are not used. `bodies` are the moving
+links of a mechanism, each a `structure.Link`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -42,10 +43,6 @@ class Wrench(NamedTuple):
         self, bodies: Sequence[Any], links: Sequence[LinkPose]
     ) -> Iterator[tuple[int, Real]]:
         """Yields the power of the wrench per unit of each link's rate.
-
-        Args:
-            bodies: The moving links of the mechanism, each a `structure.Link`.
-            links: Their poses.
 
         Yields:
             Index of a link and torque on it, N m, or force along its guide, N.
@@ -99,12 +96,7 @@ class Exerted(NamedTuple):
 
 
 def poses(bodies: Sequence[Any], positions: Sequence[Real]) -> list[LinkPose]:
-    """Returns poses for the functions below and for loads, from the positions of the links.
-
-    Args:
-        bodies: The moving links of the mechanism, each a `structure.Link`.
-        positions: Positions as in `State`, rad and m.
-    """
+    """Returns poses for the functions below and for loads, from the positions in a `State`."""
     link_poses = []
     for j, position in enumerate(positions):
         spin, guide = axes_of(bodies, j)

@@ -38,16 +38,10 @@ class SpeedController:
     def __init__(
         self, mechanism: Mechanism, rpm: float, bandwidth: float, lead: float | None
     ) -> None:
-        """Computes the gains from the mean inertia at the crank.
+        """Computes the gains from the mean inertia at the crank; see `ControllerSettings`.
 
-        Args:
-            mechanism: The controlled mechanism.
-            rpm: Set crank speed, turns per minute.
-            bandwidth: Bandwidth of the proportional control alone, Hz.
-            lead: See `ControllerSettings.lead_time`; None for no feed-forward.
-
-        Raises:
-            MechanismError: The mechanism is a wind pump, or its crank does not turn fully.
+        The bandwidth, Hz, is that of the proportional control alone; a lead of None is no
+        feed-forward. The crank must turn fully.
         """
         self._solver, self._lead = Solver(mechanism), lead
         self._solver.reach.require_full_turn()

@@ -32,14 +32,7 @@ _MAX_WIDTH = 60  # width of the topic column, characters
 
 
 def info(log: LogReader) -> Iterator[str]:
-    """Describes a log: file, times, mechanism, topics, motion and configuration.
-
-    Args:
-        log: The log to describe.
-
-    Yields:
-        Lines of text.
-    """
+    """Describes a log in lines: file, times, mechanism, topics, motion and configuration."""
     yield f'file:       {log.path}, {log.path.stat().st_size / 1e6:.3f} MB'
     yield f'written by: linkage_ros {log.version}'
     yield f'start:      {_time(log.start)}'
@@ -125,15 +118,7 @@ def _time(stamp: int) -> str:
 
 
 def verdict(log: LogReader, report: Verification) -> Iterator[str]:
-    """Describes the outcome of a verification.
-
-    Args:
-        log: The verified log.
-        report: Result of `verify`.
-
-    Yields:
-        Lines of text.
-    """
+    """Describes the outcome of a verification of a log in lines."""
     if report.difference:
         yield f'{log.path}: DIFFERS: {report.difference}'
         equal = counted(report.states, 'state')

@@ -80,9 +80,6 @@ def excerpt_of(
         offset: Time to skip at the beginning, s.
         duration: Length of the excerpt, s; None to continue to the end of the log.
         topics: Fully qualified names of the topics; None for all topics.
-
-    Returns:
-        The excerpt.
     """
     start = log.start + round(offset * NS_PER_S)
     end = log.end + round(NS_PER_S / log.configuration.session.rate_hz)
@@ -93,12 +90,9 @@ def excerpt_of(
 
 @contextmanager
 def feed(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Iterator[Item]]:
-    """Reads an excerpt in a separate thread.
+    """Reads an excerpt of a log, which is not used elsewhere meanwhile, in a separate thread.
 
-    Args:
-        log: The log, which must not be used elsewhere while the feed is open.
-        excerpt: The part to play; earlier latched messages come first.
-        loop: Whether to repeat the excerpt indefinitely.
+    Earlier latched messages come first.
 
     Yields:
         An iterator over the items; it raises a LogError where the file is damaged.
@@ -160,13 +154,7 @@ class Pace:
     def __init__(
         self, start: int, rate: float, now: Callable[[], int] = time.monotonic_ns
     ) -> None:
-        """Creates a paused replay.
-
-        Args:
-            start: Initial position, ns of log time.
-            rate: Ratio of log time to real time.
-            now: Function that returns the real time, ns.
-        """
+        """Creates a paused replay at a position, ns of log time; `now` returns real time, ns."""
         self.rate, self.paused, self._now = rate, True, now
         # Log time at a real time, and the rate since then; replaced as a whole, so that another
         # thread never sees half a change.
@@ -179,10 +167,7 @@ class Pace:
         return min(log + round((self._now() - real) * rate), self._next)
 
     def seconds_until(self, time: int) -> float:
-        """Lets the position advance up to the next message.
-
-        Args:
-            time: Log time of that message, ns.
+        """Lets the position advance up to the log time of the next message, ns.
 
         Returns:
             Real time until the message is due, s; at most 0 if it is due, infinite while paused.
@@ -207,11 +192,7 @@ class Pace:
         self.change_rate(0.0)
 
     def change_rate(self, difference: float) -> None:
-        """Changes the rate, unless it would be out of bounds.
-
-        Args:
-            difference: Difference to add to the rate.
-        """
+        """Changes the rate by a difference, unless it would be out of bounds."""
         rate = round(self.rate + difference, 6)  # 1.1 - 0.1 is 1
         if MIN_RATE <= rate <= MAX_RATE:
             self.rate = rate
@@ -228,19 +209,10 @@ def play(
     items: Iterable[Item], sinks: Iterable[Sink], pace: Pace, keyboard: Keyboard, stop: Stop,
     show: Show, *, paused: bool,
 ) -> int:  # fmt: skip
-    """Passes each item to all sinks when it is due; must run in the main thread.
+    """Passes each item to all sinks when it is due; returns how many were played.
 
-    Args:
-        items: Items in the order of their times.
-        sinks: Functions that take an item.
-        pace: Determines when a message is due.
-        keyboard: Controls the pace.
-        stop: Ends the replay early.
-        show: Shows the log time; called at least a few times a second.
-        paused: Whether to wait for a key before the first item.
-
-    Returns:
-        The number of items that were played.
+    It must run in the main thread. The keyboard controls the pace; if `paused`, it waits for a key
+    before the first item. `show` is called at least a few times a second.
     """
     actions: dict[bytes, Callable[[], None]] = {
         SPACE: pace.toggle,

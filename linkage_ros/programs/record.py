@@ -134,12 +134,7 @@ def _write(log: LogWriter, batch: Batch) -> None:
 def _end_of_run(
     ends: Mapping[str, MotionError | UnreachableError], kept: str
 ) -> MotionError | UnreachableError:
-    """Returns the error of a run whose motions, or some of them, ended early.
-
-    Args:
-        ends: Error of each motion that ended, by linkage.
-        kept: What the log keeps, in words.
-    """
+    """Returns the error of a run with motions that ended early; `kept` is what the log keeps."""
     words = '; '.join(f'{prefix_of(name, ": ")}{error}' for name, error in ends.items())
     first = next(iter(ends.values()))
     if isinstance(first, MotionError):

@@ -153,9 +153,7 @@ def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
 def motions_in(robot: Robot, samples: Sequence[tuple[int, bytes]]) -> 'dict[str, LinkMotion]':
     """Reads the motion of each linkage from messages on joint_states, for a `View`.
 
-    Args:
-        robot: The linkages of the log's configuration.
-        samples: Shift of each stamp, ns, and CDR bytes of each message.
+    A sample is the shift of the stamp, ns, and the CDR bytes of a message.
     """
     # Parts of each linkage's motion, from groups of adjacent messages with the same joints.
     parts: dict[str, list[LinkMotion]] = {}

@@ -55,12 +55,7 @@ class LinkageStates:
     """
 
     def __init__(self, simulator: Simulator, motion: Motion) -> None:
-        """Initializes before the first state.
-
-        Args:
-            simulator: Simulator of the linkage.
-            motion: Motion of the linkage from t = 0.
-        """
+        """Initializes before the first state, with the motion from t = 0."""
         self.name, self.simulator, self.motion = simulator.name, simulator, motion
         self.ranges = Ranges(simulator.solver)
         self.completed: int | None = None
@@ -69,11 +64,7 @@ class LinkageStates:
         self._part = RowPart(())
 
     def fill(self, count: int | None, turns: int) -> None:
-        """Computes further states if none are available.
-
-        Args:
-            count: Number of states of the run; None to continue until the turns are complete.
-            turns: Number of crank turns in either direction, used if `count` is None.
+        """Computes further states if none are available; see `batches` for the arguments.
 
         Raises:
             ConfigurationError: The crank does not complete its turns within an hour.
@@ -116,10 +107,8 @@ class LinkageStates:
     def _find_completion(self, unwrapped: Real, turns: int, stamp: int) -> None:
         """Finds the first new state at which the turns are complete.
 
-        Args:
-            unwrapped: Crank angles of the new states, with all turns, rad.
-            turns: Number of turns.
-            stamp: Stamp of the last new state, ns.
+        `unwrapped` are the crank angles of the new states, with all turns, rad, and `stamp` is
+        that of the last one, ns.
 
         Raises:
             ConfigurationError: The turns are not complete within an hour.
@@ -151,17 +140,13 @@ def batches(
 ) -> Iterator[Batch]:
     """Yields the states of a run in batches; the end of one motion does not affect the others.
 
+    The last batch has no states if the motions of all linkages end.
+
     Args:
         robot: The linkages of the run.
         linkages: Their states.
         count: Number of states; None to continue until all cranks have completed the turns.
         turns: Number of crank turns in either direction, used if `count` is None.
-
-    Yields:
-        The batches; the last one has no states if the motions of all linkages end.
-
-    Raises:
-        ConfigurationError: A crank does not complete its turns within an hour.
     """
     moving, tick = [*linkages], 0
     while moving and tick != count:

@@ -78,12 +78,7 @@ class MeasuredRun:
     """
 
     def __init__(self, robot: Robot, cranks: SharedInput) -> None:
-        """Initializes without a measurement.
-
-        Args:
-            robot: The linkages of the run.
-            cranks: Reader of the measurements, of which each source is a `MeasuredCrank`.
-        """
+        """Initializes without a measurement; each source of `cranks` is a `MeasuredCrank`."""
         self._robot, self.cranks = robot, cranks
         self._sources: dict[str, Any] = {**cranks.sources}
         self._held = HeldEfforts(robot.names)
@@ -98,12 +93,9 @@ class MeasuredRun:
     def answers(self, messages: Iterable[tuple[int, bytes]]) -> list[Answers]:
         """Answers messages; rejected ones are counted.
 
-        The messages are first read without checking that each state exists, which is faster. If
-        one does not, filters, counts and efforts are restored, and all messages are read again
-        with the check.
-
-        Args:
-            messages: Time of receipt, ns, and CDR bytes of each JointState.
+        The messages, JointStates with their times of receipt, ns, are first read without checking
+        that each state exists, which is faster. If one does not, filters, counts and efforts are
+        restored, and all messages are read again with the check.
         """
         messages = [*messages]
         cranks, efforts = self._sources.values(), {**self._held.efforts}

@@ -72,12 +72,7 @@ class Simulator:
     """
 
     def __init__(self, linkage: Linkage, others: Collection[str] = ()) -> None:
-        """Prepares the computation.
-
-        Args:
-            linkage: Configuration of the linkage.
-            others: Names of the driven joints of the other linkages of the run.
-        """
+        """Prepares the computation; `others` names the driven joints of other linkages."""
         self.linkage, self.name = linkage, linkage.name
         mechanism, session, drive = linkage.mechanism, linkage.session, linkage.drive
         self.solver = Solver(mechanism, by_math=True, pivot=drive.pivot)
@@ -103,18 +98,7 @@ class Simulator:
         )  # fmt: skip
 
     def begin(self, stamp: int, integrate: Integrate = live_steps) -> Motion:
-        """Starts a motion.
-
-        Args:
-            stamp: Stamp of t = 0, ns.
-            integrate: Function that creates the integrator of a motion under a torque.
-
-        Returns:
-            The motion in its first segment.
-
-        Raises:
-            ConfigurationError: The crank is measured, not simulated.
-        """
+        """Returns the motion in its first segment; see `Drive.begin` and `Machine.integrate`."""
         drive, machine = self.linkage.drive, replace(self.machine, integrate=integrate)
         return drive.begin(stamp, machine).under(stamp, self.conditions, drive)
 
@@ -143,17 +127,7 @@ class Simulator:
                 self.numbers.of(self.state(coordinates), coordinates.unwrapped)
 
     def state(self, coordinates: Coordinates) -> State:
-        """Computes the state at given coordinates.
-
-        Args:
-            coordinates: Coordinates of one state, or arrays for many states.
-
-        Returns:
-            The state; those in arrays are bit-identical to single states.
-
-        Raises:
-            LinkageError: As for `Solver.state`.
-        """
+        """Computes the state at coordinates; many, as arrays, are bit-identical to single ones."""
         q, u, a, _, state, conditions = coordinates
         if state is None:
             row = (q[0], u[0], a[0]) if len(q) == 1 else (q, u, a)
@@ -166,18 +140,12 @@ class Simulator:
         ahead: Coordinates | None = None,
         see: Callable[[State], object] = lambda _: None,
     ) -> RowPart:
-        """Computes the numbers in the messages of many states.
+        """Computes the numbers in the messages of many states, bit-identical to single ones.
 
         Args:
             coordinates: Coordinates of the states, as arrays.
             ahead: Coordinates for the feed-forward torque; None without feed-forward.
             see: Called with the states.
-
-        Returns:
-            The numbers, bit-identical to those of single states.
-
-        Raises:
-            LinkageError: As for `Solver.state`.
         """
         state = self.state(coordinates)
         see(state)

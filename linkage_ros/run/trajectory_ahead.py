@@ -34,11 +34,7 @@ class TrajectoryAhead:
     """
 
     def __init__(self, robot: Robot) -> None:
-        """Prepares the trajectories.
-
-        Args:
-            robot: The linkages of the run, whose drive gives the topic and the duration.
-        """
+        """Prepares the trajectories, whose topic and duration the drive gives."""
         drive = robot.drive
         self.topic = TRAJECTORY_COMMANDS._replace(name=drive.trajectory_command_topic)
         self._frame_id = robot.configuration.session.frame_id
@@ -48,17 +44,14 @@ class TrajectoryAhead:
         self._next = self._due = 0
 
     def message_at(self, motions: Mapping[str, Motion], stamp: int) -> bytes | None:
-        """Returns the trajectory to send at a stamp, if one is due.
+        """Returns the trajectory to send at the stamp of a tick, ns, as CDR bytes, if one is due.
 
         Args:
             motions: Motion of each linkage in the segment that contains the stamp; without those
                 that have ended. If a segment is another one than in the last call, the previous
                 trajectory is invalid, and a new one is due. Each trajectory holds the conditions
                 at its stamp.
-            stamp: Stamp of the current tick, ns.
-
-        Returns:
-            The CDR bytes of the message; None if no message is due.
+            stamp: The stamp.
         """
         if self._is_invalid(motions, stamp):
             self._restart(motions, stamp)
@@ -101,9 +94,8 @@ class TrajectoryAhead:
     def zero(self, places: Mapping[str, float]) -> bytes:
         """Returns a trajectory that ends the torques: it holds places with efforts of 0.
 
-        Args:
-            places: The place of each linkage: crank angle including all turns, rad, or position of
-                a slide, m.
+        The place of a linkage is its crank angle including all turns, rad, or its slide's
+        position, m.
         """
         positions = {x.name: x.joint.value(places[name]) for name, x in self._cranks.items()}
         return holding_trajectory(positions, self._frame_id)

@@ -328,11 +328,7 @@ def _configured(name: str, given: Mapping[str, object], *, checks_drive: bool) -
 def _built_mechanism(
     kind: MechanismAndDrive, values: Mapping[str, object], mistakes: Mistakes
 ) -> tuple[Any, Any]:
-    """Builds a mechanism, and collects its mistakes.
-
-    Returns:
-        The mechanism before and after its conversion; None after mistakes.
-    """
+    """Builds a mechanism; returns it before and after its conversion, or None after mistakes."""
     is_known = not any(value is UNKNOWN for value in values.values())
     made: Any = None
     mechanism: Any = None
@@ -609,33 +605,16 @@ def preset_note(values: Mapping[str, object]) -> str:
 
 
 def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
-    """Reads the values of a parameter file or a preset.
+    """Reads the values that a parameter file or preset gives to linkage_node, by dotted name.
 
-    Args:
-        source: Path of a ROS 2 parameter file, or name of a preset.
-        namespace: Namespace of linkage_node.
-
-    Returns:
-        The values by dotted parameter name.
-
-    Raises:
-        ConfigurationError: There is no such file or preset, it cannot be read, or it has no
-            parameters of linkage_node.
+    The node may have a namespace. Errors are those of `find_file` and `read_own_parameters`.
     """
     path = find_file(source)
     return with_files(read_own_parameters(path, f'{namespace}/linkage_node'), path)
 
 
 def with_files(values: Mapping[str, Any], path: Path | str) -> dict[str, Any]:
-    """Resolves the file paths in a parameter file relative to that file.
-
-    Args:
-        values: Values by dotted parameter name.
-        path: Path of the parameter file.
-
-    Returns:
-        The values, with the paths of all parameters named `file` resolved in this way.
-    """
+    """Returns values of a parameter file, whose parameters named `file` are relative to it."""
     folder = Path(path).parent
     return {
         name: str(folder / value) if name.endswith('.file') and value else value
@@ -644,19 +623,7 @@ def with_files(values: Mapping[str, Any], path: Path | str) -> dict[str, Any]:
 
 
 def load(source: str, *, checks_drive: bool = True) -> Configuration:
-    """Reads the configuration from a parameter file or a preset.
-
-    Args:
-        source: Path of a ROS 2 parameter file, or name of a preset.
-        checks_drive: Whether to refuse a mechanism that its drive cannot move.
-
-    Returns:
-        The validated configuration.
-
-    Raises:
-        ConfigurationError: There is no such file or preset, it cannot be used, or it has only
-            parameters of other nodes.
-    """
+    """Reads the configuration from a parameter file or a preset; see `linkage_ros.load`."""
     values = read_values(source)
     with in_file(source):
         return configure(values, checks_drive=checks_drive)
@@ -696,12 +663,6 @@ def to_strings(configuration: Configuration) -> dict[str, str]:
 
 def from_strings(strings: Mapping[str, str]) -> Configuration:
     """Restores a configuration from `to_strings`, also of version 1, with other names.
-
-    Args:
-        strings: JSON strings by parameter name.
-
-    Returns:
-        The validated configuration.
 
     Raises:
         ConfigurationError: A value is not JSON, or the configuration is invalid.

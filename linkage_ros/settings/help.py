@@ -19,14 +19,7 @@ from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 
 
 def help_on(parameters: Iterable[Leaf]) -> str:
-    """Describes parameters, one line each: name, valid values, meaning and default.
-
-    Args:
-        parameters: Parameters of any dataclass of quantities.
-
-    Returns:
-        The lines, joined by newlines.
-    """
+    """Describes parameters, one line each: name, valid values, meaning and default."""
     lines = []
     for name, quantity, default in parameters:
         valid = '' if quantity.valid == 'text' else f'{quantity.valid}; '
@@ -48,8 +41,7 @@ def _default(value: object) -> str:
 def help_on_kind(mechanism: str | None = None) -> str:
     """Describes the parameters of a mechanism with its usual drive, then those added by others.
 
-    Args:
-        mechanism: Kind of mechanism; None for a four_bar, followed by what the others add.
+    Without a kind of mechanism, it is a four_bar, followed by what the others add.
     """
     kind = mechanism or 'four_bar'
     allowed = MECHANISMS[kind].drives({})[0] or tuple(DRIVES)

@@ -55,11 +55,9 @@ class JointSettings(Checked):
 
 
 def joint_leaves(mechanism: Any, values: Mapping[str, object] | None = None) -> tuple[Leaf, ...]:
-    """Returns the parameters of the joints of a mechanism, one joint for each link with a mass.
+    """Returns the parameters of the joints of a kind of mechanism, one for each link with a mass.
 
-    Args:
-        mechanism: The kind of mechanism.
-        values: Values by parameter name; their dyads add joints.
+    The dyads in the values add joints.
     """
     names = (leaf.name for leaf in leaves(mechanism, values=values))
     masses = [name.removesuffix('.mass') for name in names if name.endswith('.mass')]
@@ -88,12 +86,9 @@ def joint_values(joints: Mapping[str, JointSettings]) -> dict[str, object]:
 
 
 def measured_from(links: Sequence[Link], link: Link, given: JointSettings | None) -> str:
-    """Returns the link, or frame, from whose direction a joint is measured.
+    """Returns the link, or frame, from whose direction the joint of a link is measured.
 
-    Args:
-        links: The links of the mechanism.
-        link: The link of the joint; the position of a sliding link is measured from no direction.
-        given: The settings of the joint.
+    The position of a sliding link is measured from no direction.
     """
     if link.slides:
         return FRAME_NAME
@@ -102,12 +97,7 @@ def measured_from(links: Sequence[Link], link: Link, given: JointSettings | None
 
 
 def _check(given: JointSettings, link: Link, parents: Sequence[str]) -> None:
-    """Checks the settings of a joint.
-
-    Args:
-        given: The settings.
-        link: The link of the joint.
-        parents: Links from which the joint may be measured.
+    """Checks the settings of the joint of a link, which may be measured from `parents`.
 
     Raises:
         ConfigurationError: The parent is not valid, the zero of a sliding link is in degrees, or

@@ -59,14 +59,7 @@ def has_old_names(values: Mapping[str, object]) -> bool:
 
 
 def with_new_names(values: Mapping[str, object]) -> dict[str, object]:
-    """Replaces old names.
-
-    Args:
-        values: Values by dotted parameter name.
-
-    Returns:
-        The values with the same points and loads, whose forces are added in the same order.
-    """
+    """Replaces old names; points and loads, and the order in which forces are added, are kept."""
     renamed = {name: value for name, value in values.items() if not _is_old(name)}
     for section, members in _converted(values).items():
         for name, member in members.items():
@@ -77,9 +70,6 @@ def with_new_names(values: Mapping[str, object]) -> dict[str, object]:
 
 def refuse_old_names(values: Mapping[str, object]) -> None:
     """Rejects parameters with old names.
-
-    Args:
-        values: Values by dotted parameter name.
 
     Raises:
         ConfigurationError: There is an old name. The error ends with the lines to write instead.

@@ -27,13 +27,7 @@ def read_own_parameters(
 ) -> Parameters:
     """Reads a parameter file without the parameters of other programs; see `names_of_others`.
 
-    Args:
-        path: Path of the YAML file.
-        node_name: Name of the node with its namespace, such as left/linkage_node.
-        for_ros: Whether rcl will read the file, too.
-
-    Returns:
-        The values by dotted name.
+    Arguments are those of `read_parameter_file`.
 
     Warns:
         ParameterWarning: As for `read_parameter_file`; or there are parameters of other programs.
@@ -57,12 +51,8 @@ def read_own_parameters(
 def names_of_others(values: Parameters, path: Path | str, node_name: str) -> list[str]:
     """Returns the parameters of other programs that a file has below /**, for all nodes.
 
-    They are those whose first part is no name of this package, and resembles none.
-
-    Args:
-        values: The parameters of the node in the file, by name.
-        path: Path of the file.
-        node_name: Name of the node with its namespace.
+    They are those whose first part is no name of this package, and resembles none. `values` are
+    the parameters of the node in the file.
     """
     own = first_parts() | {leaf.name for leaf in PARAMETERS}
     linkages = values.get(LINKAGES)

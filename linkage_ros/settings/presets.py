@@ -26,13 +26,7 @@ def preset_names() -> list[str]:
 
 
 def preset_path(name: str) -> Path:
-    """Finds the parameter file of a preset.
-
-    Args:
-        name: Name of the preset, that is, its file name without `.yaml`.
-
-    Returns:
-        Path of the file in the first preset folder that contains it.
+    """Finds the parameter file of a preset, in the first preset folder that contains it.
 
     Raises:
         ConfigurationError: There is no such preset.
@@ -50,12 +44,6 @@ def preset_path(name: str) -> Path:
 
 def find_file(source: str) -> Path:
     """Finds the parameter file for a path or the name of a preset.
-
-    Args:
-        source: Path of a ROS 2 parameter file, or name of a preset.
-
-    Returns:
-        Path of the file.
 
     Raises:
         ConfigurationError: There is no such file or preset.

@@ -8,15 +8,7 @@ from linkage_ros.settings.configuration import Linkage
 
 
 def summary(linkage: Linkage, solver: Solver) -> str:
-    """Describes mechanism and motion in one line.
-
-    Args:
-        linkage: Linkage of the run.
-        solver: Solver of the configured mechanism.
-
-    Returns:
-        The line, without a newline.
-    """
+    """Describes the mechanism of a linkage, which the solver has, and its motion in one line."""
     words = [linkage.mechanism_words, linkage.mechanism.assembly]
     if reach := solver.mobility:
         words.append(f'driven {reach.driven}' if reach.slides else reach.grashof)

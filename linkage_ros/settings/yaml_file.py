@@ -92,12 +92,7 @@ def read_parameter_file(
 
 
 def shared_names(path: Path | str, node_name: str) -> set[str]:
-    """Returns the names that a file sets on a node only by its section of all nodes, /**.
-
-    Args:
-        path: Path of a parameter file that `read_parameter_file` can read.
-        node_name: Name of the node with its namespace.
-    """
+    """Returns the names that a valid file sets on a node only by its section of all nodes, /**."""
     reader, shared, own = _Reader(path, 'parameter', _LAYOUT), set[str](), set[str]()
     for section, name, _ in reader.parameters():
         if section.strip('/') == '**':
