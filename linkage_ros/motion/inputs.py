@@ -48,12 +48,7 @@ class Expiring(Generic[T]):
     """
 
     def __init__(self, default: T, timeout: float) -> None:
-        """Initializes without a received value.
-
-        Args:
-            default: Value that acts before the first value and after a timeout.
-            timeout: Time for which a received value acts, s.
-        """
+        """Initializes without a received value, which acts until a timeout, s."""
         self.value, self.timeouts = default, 0
         self.default, self._timeout = default, round(timeout * NS_PER_S)
         self._begin: int | None = None  # of the last received value, ns
@@ -61,11 +56,9 @@ class Expiring(Generic[T]):
         self._losses = Losses()
 
     def at(self, now: int, received: Iterable[T]) -> T:
-        """Returns the value that acts from now on.
+        """Returns the value that acts from a tick on, given the values since the last call.
 
-        Args:
-            now: Time of a tick, ns. If it goes back, the value expires.
-            received: The values received since the last call.
+        The value expires if the time of the tick, ns, goes back.
         """
         for value in received:
             self.value, self._begin, self._is_active = value, now, True
@@ -207,12 +200,7 @@ class SharedInput:
     def collect(
         self, read: Callable[[Any, bytes, int], Any], data: bytes, received: int
     ) -> Received:
-        """Reads a message for each linkage.
-
-        Args:
-            read: Reads a message with an `Input`, as its method of this name does.
-            data: CDR bytes of the message.
-            received: Time of receipt, ns.
+        """Reads a message for each linkage by a function like `Input.read`.
 
         Raises:
             UnnamedError: As for `read`.

@@ -215,15 +215,7 @@ class FollowMotion:
 
 
 def extrapolated(coordinates: Coordinates, seconds: float) -> Coordinates:
-    """Extrapolates coordinates at constant acceleration.
-
-    Args:
-        coordinates: Coordinates of the crank, and of base_link if it turns.
-        seconds: Time by which to extrapolate, s.
-
-    Returns:
-        The coordinates after that time.
-    """
+    """Extrapolates coordinates of the crank, and of base_link, at constant acceleration."""
     (q,), (u,), (a,), unwrapped, *_ = coordinates
     conditions = coordinates.conditions
     moved = (u + 0.5 * a * seconds) * seconds

@@ -214,16 +214,7 @@ def stiff_leap(
 def _solved(
     part: Real, derivatives: Sequence[Sequence[Real]], right: Sequence[Real]
 ) -> tuple[Real, ...]:
-    """Solves the equations of one stage.
-
-    Args:
-        part: gamma h, s.
-        derivatives: Result of `jacobian`.
-        right: Right-hand side of the equations, in the units of a slope.
-
-    Returns:
-        The result k_i of the stage, in the same units.
-    """
+    """Solves the equations of one stage for k_i; `part` is gamma h, s."""
     count = len(derivatives) // 2
     # Of acceleration i with respect to coordinate j, and to rate j.
     by_place = [*zip(*derivatives[:count], strict=True)]

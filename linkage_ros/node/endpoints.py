@@ -44,16 +44,7 @@ def message_class(name: str) -> Any:
 
 
 def create_publisher(node: Node, topic: Topic, **options: Any) -> Publisher:
-    """Creates a publisher of CDR bytes with the topic's quality of service.
-
-    Args:
-        node: The node.
-        topic: Name, type and quality of service.
-        options: Options of `rclpy.node.Node.create_publisher`.
-
-    Returns:
-        The publisher.
-    """
+    """Creates a publisher of CDR bytes with the topic's quality of service."""
     durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
     qos = QoSProfile(
         depth=topic.depth, reliability=ReliabilityPolicy.RELIABLE, durability=durability
@@ -83,11 +74,7 @@ class StatePublisher:
 
 
 def require_distinct(node: Node, topics: Iterable[Topic]) -> None:
-    """Raises an error if two topics of a node have the same name.
-
-    Args:
-        node: Node that resolves the names by its namespace and remappings.
-        topics: Topics of the node, the subscribed topics first.
+    """Raises an error if two topics of a node, the subscribed ones first, have the same name.
 
     Raises:
         ConfigurationError: Two topics have the same name.
@@ -110,15 +97,9 @@ def wait_for_subscribers(
     patience: float = _DISCOVERY_SECONDS,
     settle: float = _MATCH_SECONDS,
 ) -> bool:
-    """Waits until existing subscribers have discovered a node, so that they miss no message.
+    """Waits until existing subscribers have discovered a node; returns whether there are any.
 
-    Args:
-        publishers: Publishers of the node.
-        patience: Time limit for the first subscriber, s.
-        settle: Additional time for other subscribers, s.
-
-    Returns:
-        Whether there is a subscriber.
+    The first one may take `patience`, s, and others `settle`, s, longer.
     """
     end = time.monotonic() + patience
     while time.monotonic() < end:
@@ -221,14 +202,7 @@ class PolledSubscription:
         return []
 
     def receive(self, seconds: float = _PATIENCE) -> Iterator[Any]:
-        """Waits briefly for messages; reads them, and yields the results of accepted messages.
-
-        Args:
-            seconds: Longest time to wait, s; there is a shorter limit.
-
-        Yields:
-            The results.
-        """
+        """Waits briefly, at most for some seconds, for messages; reads them like `take`."""
         handle = self._subscription.handle
         with handle:
             self._wait_set.clear_entities()
@@ -278,11 +252,9 @@ class Rejections:
         self._found: dict[str, dict[str, tuple[int, str]]] = {}
 
     def add(self, error: ValueError, linkage: str = '') -> None:
-        """Counts a message; the error's text is the cause, perhaps with a colon and details.
+        """Counts a message that a linkage, or, without a name, all or the only one, rejects.
 
-        Args:
-            error: The error.
-            linkage: The linkage that rejects the message; '' for the only one, or for all.
+        The error's text is the cause, perhaps with a colon and details.
         """
         causes, words = self._found.setdefault(linkage, {}), str(error)
         cause = words.partition(':')[0]
@@ -303,13 +275,7 @@ class Rejections:
 
 
 def read_clock(data: bytes, _: int) -> int:
-    """Reads a message of /clock.
-
-    Args:
-        data: CDR bytes.
-
-    Returns:
-        The time, ns.
+    """Reads the time, ns, in a message of /clock.
 
     Raises:
         ValueError: The time is out of the range of stamps.

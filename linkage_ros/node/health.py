@@ -61,11 +61,7 @@ class HealthMonitor:
     """Evaluates the health of a run over the last 10 s."""
 
     def __init__(self, node: str) -> None:
-        """Starts monitoring a new run.
-
-        Args:
-            node: Name of the node, used in the names of the statuses.
-        """
+        """Starts monitoring a new run of a node, whose name the statuses have."""
         self._node = node
         self._is_overloaded = False
         # At the start of the window and at each report since.
@@ -88,9 +84,6 @@ class HealthMonitor:
             parts: Health of log and viewer, by name.
             troubles: Other current warnings about the motion.
             state: State of a managed node; empty for others.
-
-        Returns:
-            The status of the motion, followed by those of the parts.
         """
         now = time.monotonic()
         self._samples.append(_Sample(now, replace(counts), parts))
@@ -99,14 +92,9 @@ class HealthMonitor:
         return [self._motion(figures, list(troubles), state), *map(self._output, parts)]
 
     def changes(self, statuses: Sequence[Status]) -> list[Status]:
-        """Selects the statuses to log: new warnings, and the ends of warnings.
+        """Selects the statuses of a report to log: new warnings, and the ends of warnings.
 
-        Args:
-            statuses: Statuses from the current report.
-
-        Returns:
-            The selected statuses; those of ends repeat the warning. Errors of parts are omitted,
-            because the parts log them.
+        Ends repeat the warning. Errors of parts are omitted, because the parts log them.
         """
         changed = list[Status]()
         for status in statuses:

@@ -181,9 +181,8 @@ class LiveRun:
     def pause(self, cause: str, join: Callable[..., object]) -> bool:
         """Stops the motion and ends the torques; returns whether the last tick has ended.
 
-        Args:
-            cause: Cause of the end of the torques, unless an error has ended the motion.
-            join: Waits for a thread, with a time limit.
+        The cause is that of the torques' end, unless an error has ended the motion. `join` waits
+        for a thread, with a time limit.
         """
         self._ticker.stop(functools.partial(join, timeout=_LAST_TICK_SECONDS))
         self._end_torques(cause)
@@ -193,11 +192,7 @@ class LiveRun:
         return False
 
     def close(self, join: Callable[..., object]) -> bool:
-        """Reports totals, and completes log and view; returns whether the log is complete.
-
-        Args:
-            join: Waits for a thread, with a time limit.
-        """
+        """Reports totals, and completes log and view; returns whether the log is complete."""
         try:
             self._report_totals()
         finally:
@@ -246,15 +241,9 @@ class LiveRun:
     def _each(
         self, stamp: int, names: Iterable[str], do: Callable[[MovingLinkage], _T]
     ) -> dict[str, _T]:
-        """Calls a function with moving linkages; an error of one ends only its own motion.
+        """Calls a function with linkages, at the stamp of a state, ns; returns the results.
 
-        Args:
-            stamp: Stamp of the current state, ns.
-            names: Names of linkages; those whose motion has ended are left out.
-            do: The function.
-
-        Returns:
-            The results by linkage.
+        Those whose motion has ended are left out; an error of one ends only its own motion.
 
         Raises:
             LinkageError: The motion of the last linkage ends.
@@ -293,15 +282,7 @@ class LiveRun:
         stamp: int,
         elapsed: int,
     ) -> dict[str, Motion]:
-        """Applies the messages received since the last tick to the motions, by linkage.
-
-        Args:
-            subscription: Subscription of the messages.
-            source: The reader of each linkage.
-            motions: The motions before.
-            stamp: Stamp of the tick, ns.
-            elapsed: Time of the tick since tick 0, ns.
-        """
+        """Applies the messages received since the last tick to the motions; see `Input.applied`."""
         for name, motion in motions.items():
             source.sources[name].prepare(motion, stamp)
         messages: list[Received] = [*subscription.take()]
@@ -343,12 +324,7 @@ class LiveRun:
             linkage.restamp(old, new)
 
     def _publish_state(self, stamp: int, moments: Mapping[str, Moment]) -> None:
-        """Computes, publishes, logs and shows the state at a stamp.
-
-        Args:
-            stamp: The stamp, ns.
-            moments: Coordinates of each linkage in the state, and those ahead, by name.
-        """
+        """Computes, publishes, logs and shows the state of linkages at a stamp, ns."""
         parts = self._each(stamp, moments, lambda one: one.part(*moments[one.name]))
         if not parts:
             return
@@ -411,8 +387,7 @@ class LiveRun:
     def report(self, state: str = '') -> None:
         """Publishes the diagnostics, and logs new warnings and the ends of warnings.
 
-        Args:
-            state: State of a managed node; empty for others.
+        The state is that of a managed node.
         """
         for published in self._states.values():
             published.count()

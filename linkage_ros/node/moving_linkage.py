@@ -41,13 +41,7 @@ class MovingLinkage:
         forces: Sequence[tuple[PolledSubscription, LiveForce]],
         log_segment: Callable[[Segment, str], object],
     ) -> None:
-        """Initializes before the first state.
-
-        Args:
-            simulator: Simulator of the linkage.
-            forces: See the attribute.
-            log_segment: Logs a segment of the motion of the linkage with this name.
-        """
+        """Initializes before the first state; `log_segment` takes the name of the linkage, too."""
         self.name, self.simulator, self.drive = simulator.name, simulator, simulator.linkage.drive
         self.motion: Motion | None = None
         self.state: State | None = None
@@ -61,9 +55,7 @@ class MovingLinkage:
     def begin_tick(self, stamp: int, start: int) -> Motion:
         """Returns the motion under the conditions of a tick, before it receives messages.
 
-        Args:
-            stamp: Stamp of the tick, ns.
-            start: Stamp of tick 0, ns.
+        The stamps, ns, are those of the tick and of tick 0.
         """
         motion = self.motion or self._continue(self.simulator.begin(start))
         return motion.under(stamp, self.conditions(stamp - start), self.drive)

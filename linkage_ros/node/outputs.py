@@ -38,12 +38,7 @@ class Outputs:
     """
 
     def __init__(self, node: Node, robot: Robot, others: Iterable[Topic]) -> None:
-        """Opens log and view.
-
-        Args:
-            node: Node whose logger reports errors and the view's address.
-            robot: The linkages that have the states.
-            others: Topics of the log, published or received, other than those of the states.
+        """Opens log and view; `others` are topics of the log other than those of the states.
 
         Raises:
             ViewerError: The view cannot be opened.
@@ -151,12 +146,9 @@ class Outputs:
             self._workers['log'].offer(item, len(message), keep=True)
 
     def log_message(self, stamp: int, topic: Topic, message: bytes) -> None:
-        """Logs a message; a latched message, which is not repeated, is not dropped.
+        """Logs a message, CDR bytes, with the time of publishing or receipt, ns.
 
-        Args:
-            stamp: Time of publishing or receipt, ns.
-            topic: One of the `others` given to the constructor.
-            message: CDR bytes.
+        A latched message, which is not repeated, is not dropped.
         """
         if self._session.log:
             item = self._channels[topic.name], stamp, message
@@ -182,11 +174,7 @@ class Outputs:
         return health
 
     def close(self, join: Callable[..., object]) -> bool:
-        """Completes log and view; returns whether the log succeeded.
-
-        Args:
-            join: Waits for a thread, with a time limit.
-        """
+        """Completes log and view; returns whether the log succeeded."""
         closed = True
         if 'log' in self._workers:
             closed = self._workers['log'].close(_LOG_CLOSE_SECONDS, join)

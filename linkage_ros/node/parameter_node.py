@@ -55,11 +55,8 @@ _READ_AT_START = ('use_sim_time', 'managed')
 def given_values(node: Node, arguments: Iterable[str] = ()) -> dict[str, object]:
     """Returns the node's own parameters that command line and parameter files set, by name.
 
-    Files that a parameter file names are relative to it.
-
-    Args:
-        node: The node.
-        arguments: Further arguments of the node, after those of the command line.
+    Files that a parameter file names are relative to it. The arguments follow those of the command
+    line.
 
     Raises:
         ConfigurationError: A parameter file hides a value of the command line.
@@ -92,11 +89,8 @@ def _require_no_hidden(values: Mapping[str, Any], rules: Mapping[str, str]) -> N
     """Rejects values of the command line that rcl ignores.
 
     If a parameter file gives a whole number, rcl ignores a later -p with another number or text;
-    if it gives a float, a later text.
-
-    Args:
-        values: Values by name, as rcl gives them.
-        rules: Values that the command line gives, as text by name.
+    if it gives a float, a later text. `values` are those that rcl gives, `rules` the texts of the
+    command line.
 
     Raises:
         ConfigurationError: There is such a value.
@@ -161,12 +155,7 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
         super().set_parameters_atomically([Parameter(name, value=value)])
 
     def declare(self, parameters: Iterable[Leaf], values: Mapping[str, object]) -> None:
-        """Declares parameters with their current values.
-
-        Args:
-            parameters: Names and quantities.
-            values: Checked values, including the overrides of the node.
-        """
+        """Declares parameters with checked values, which include the overrides of the node."""
         was_open, self._is_open = self._is_open, False
         for name in self.given if was_open else ():
             self.undeclare_parameter(name)
@@ -201,11 +190,7 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Sets all parameters or none; all services that set parameters call this method.
 
-        Args:
-            parameter_list: The parameters; those that would not change are ignored.
-
-        Returns:
-            The result for all parameters.
+        Those that would not change are ignored.
         """
         given = (_with_numbers(x, self._quantities.get(x.name)) for x in parameter_list)
         changed = [parameter for parameter in given if self._changes(parameter)]
@@ -266,15 +251,7 @@ def _plain(parameter: Parameter) -> object:
 
 
 def _with_numbers(parameter: Parameter, quantity: Quantity | None) -> Parameter:
-    """Converts whole numbers to floats, and angles in degrees to rad.
-
-    Args:
-        parameter: A parameter that is set.
-        quantity: Quantity of the parameter, or None.
-
-    Returns:
-        The converted parameter; the given one if there is nothing to convert, or no valid value.
-    """
+    """Converts whole numbers to floats, and angles in degrees to rad, if they are valid."""
     value = _plain(parameter)
     items = value if isinstance(value, list) else [value]
     if quantity is None or quantity.kind not in _NUMBERS:

@@ -104,11 +104,8 @@ def run_program(
 def _check_parameter_files(arguments: list[str], node: str) -> None:
     """Checks parameter files before rcl reads them.
 
-    rcl would ignore a file without parameters of the node, which would then run with defaults.
-
-    Args:
-        arguments: Arguments of the command line.
-        node: Default name of the node, which the arguments may change.
+    rcl would ignore a file without parameters of the node, which would then run with defaults. The
+    arguments may change the name of the node.
 
     Raises:
         ConfigurationError: A file has an error or no parameters of the node, or a preset is given
@@ -149,9 +146,6 @@ def ros_context(arguments: list[str]) -> Iterator[list[str]]:
     """Initialises rclpy and shuts it down; reports an invalid command line or file in one line.
 
     The caller handles signals, because rclpy's handlers would shut down during a tick.
-
-    Args:
-        arguments: The command line, including ROS arguments.
 
     Yields:
         The arguments that are not for ROS, without the program's name.
@@ -229,14 +223,9 @@ def _spin(executor: SingleThreadedExecutor, node: Node, ends: threading.Event) -
 
 @contextmanager
 def spinning(node: Node, is_urgent: Callable[[], bool] = lambda: False) -> Iterator[None]:
-    """Runs a node's callbacks in a thread; destroys the node at the end.
+    """Runs a node's callbacks in a thread during the block; destroys the node at the end.
 
-    Args:
-        node: Node whose callbacks are run.
-        is_urgent: Returns whether to abandon threads that hang.
-
-    Yields:
-        None; the callbacks run during the block.
+    `is_urgent` returns whether to abandon threads that hang.
     """
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)

@@ -101,11 +101,7 @@ class Ticker:
         self._thread.start()
 
     def stop(self, join: Callable[[threading.Thread], object] = threading.Thread.join) -> bool:
-        """Ends the thread, if it runs, after the current tick; returns whether it has ended.
-
-        Args:
-            join: Waits for the thread.
-        """
+        """Ends the thread, if it runs, after the current tick; returns whether it has ended."""
         self._stop.set()
         thread = self._thread
         if thread and thread.is_alive():

@@ -65,13 +65,8 @@ def _prctl(option: int, value: int | bytes) -> None:
 def take_real_time_priority(priority: int = _PRIORITY) -> bool:
     """Gives the calling thread real-time priority; threads started by it do not inherit it.
 
-    As for ros2_control, this requires root or rtprio in limits.conf.
-
-    Args:
-        priority: Priority from 1 to 99; higher priorities run first.
-
-    Returns:
-        Whether the system granted the priority.
+    As for ros2_control, this requires root or rtprio in limits.conf. Returns whether the system
+    granted the priority, from 1 to 99; higher ones run first.
     """
     try:
         policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
@@ -180,12 +175,7 @@ class Worker(Generic[_T]):
     def close(self, timeout: float, join: Callable[..., object] = threading.Thread.join) -> bool:
         """Passes the remaining items to the consumer, and ends the thread.
 
-        Args:
-            timeout: Longest time to wait for the thread, s.
-            join: Waits for a thread, with a time limit.
-
-        Returns:
-            Whether the consumer was closed in time.
+        Returns whether the consumer was closed in time; the timeout is in s.
         """
         self._stop.set()
         join(self._thread, timeout)

@@ -134,9 +134,6 @@ class View:
     def consume(self, samples: Sequence[Any]) -> None:
         """Shows the samples since the last call, and updates the curves when they are due.
 
-        Args:
-            samples: Samples in the order of their stamps.
-
         Raises:
             ViewerError: The window did not open, the page's server ended, or the disk is full.
         """
@@ -251,14 +248,9 @@ def _address_of(target: str) -> tuple[str, int] | None:
 
 
 def _is_reachable(address: tuple[str, int], timeout: float) -> bool:
-    """Waits until a server accepts connections at an address.
+    """Returns whether a server accepts connections at an address, at least once within a time, s.
 
-    Args:
-        address: Host and port.
-        timeout: Time limit, s; at least one attempt is made.
-
-    Returns:
-        Whether a server accepts connections.
+    At least one attempt is made.
     """
     deadline = time.monotonic() + timeout
     while True:

@@ -31,13 +31,10 @@ class Slot:
     """
 
     def __init__(self, j: int, at: dict[str, complex], corners: dict[str, Corner]) -> None:
-        """Names its corners.
+        """Names the corners of the slot of block j.
 
-        Args:
-            j: Index of the block.
-            at: Places of pins and corners in one position, m; those of `ports` are added.
-            corners: The corners, to which ports are added: places on a side that are joined to a
-                pin.
+        Ports, which are places on a side that are joined to a pin, are added to the places `at` in
+        one position, m, and to the corners.
         """
         self._at, self._corners, self._name = at, corners, str(j)
         self.near, self._far = (f'{j} {i}' for i in GUIDE)
@@ -77,11 +74,7 @@ class Slot:
     def joined(self, pins: list[str]) -> list[str]:
         """Joins pins to the slot, each at its nearest place or to a nearer pin.
 
-        Args:
-            pins: Names of the pins, first that at which the line begins.
-
-        Returns:
-            The corners of one line through all bars and around the slot.
+        Returns the corners of one line through all bars and around the slot, from the first pin.
         """
         at, bars = self._at, dict[str, list[str]]()
         for pin in sorted(pins, key=self.distance):

@@ -30,12 +30,7 @@ class ViewerProcess:
     """Rerun's viewer in a separate process."""
 
     def __init__(self, command: list[str | Path], *, outlives: bool) -> None:
-        """Starts the viewer.
-
-        Args:
-            command: The binary and its arguments.
-            outlives: Whether the viewer keeps running after this process exits.
-        """
+        """Starts the viewer; with `outlives`, it keeps running after this process exits."""
         setpriv = None if outlives else shutil.which('setpriv')
         prefix = [setpriv, '--pdeathsig', 'TERM'] if setpriv else []
         self._outlives = outlives
@@ -138,10 +133,7 @@ def require_screen() -> None:
 
 
 def find_viewer() -> Path:
-    """Finds the viewer's program.
-
-    Returns:
-        The path of the binary; the `rerun` command is a wrapper that does not forward signals.
+    """Finds the viewer's binary; the `rerun` command is a wrapper that does not forward signals.
 
     Raises:
         ViewerError: The program is not installed, or not executable.
@@ -156,13 +148,7 @@ def find_viewer() -> Path:
 
 
 def free_address(bind: str) -> tuple[str, int]:
-    """Finds a free port.
-
-    Args:
-        bind: An IP address of this machine.
-
-    Returns:
-        The address as written in URLs, and a free port.
+    """Returns an IP address of this machine, as written in URLs, and a free port.
 
     Raises:
         ViewerError: `bind` is not an address of this machine.
