@@ -111,7 +111,8 @@ def measured_places(head: Sequence[str], quantity: str, column: str = '') -> dic
             raise ValueError(f'has {" and ".join(candidates)}: give one of these as --column')
         if candidates:
             (name,) = candidates
-            factor = _COLUMNS.get(name, _of_suffix(name)).factor
+            of_suffix = {'deg': _DEGREE, 'mm': 1e-3}.get(name.rpartition('_')[2], 1.0)
+            factor = _COLUMNS[name].factor if name in _COLUMNS else of_suffix
             places[key] = Place(names.index(name), factor)
         elif key != 'speed':
             cure = '; or give --column NAME' if key == 'measured' else ''
@@ -125,11 +126,6 @@ def measured_places(head: Sequence[str], quantity: str, column: str = '') -> dic
 def _names_of(quantity: str, names: Sequence[str]) -> list[str]:
     """Returns the names of columns that hold a quantity."""
     return [name for name in names if name in _COLUMNS and _COLUMNS[name].quantity == quantity]
-
-
-def _of_suffix(name: str) -> _Column:
-    factor = {'deg': _DEGREE, 'mm': 1e-3}.get(name.rpartition('_')[2], 1.0)
-    return _Column(name, '', factor)
 
 
 def listed(names: Sequence[str]) -> str:

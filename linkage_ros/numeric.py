@@ -22,11 +22,6 @@ Array: TypeAlias = npt.NDArray[np.float64]
 Numbers: TypeAlias = float | npt.NDArray[Any] | Sequence[float | npt.NDArray[Any]]
 
 
-def exact_sum(*terms: float) -> float:
-    """Returns the sum of the terms, rounded only once."""
-    return math.fsum(terms)
-
-
 # pi/2 and 2 pi, each as a sum of the nearest double and the remainder.
 HALF_PI = (math.pi / 2, 6.123233995736766e-17)
 _TWO_PI = (2 * math.pi, 2.4492935982947064e-16)

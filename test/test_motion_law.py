@@ -200,23 +200,6 @@ def test_sines_of_a_law_are_accurate_to_two_ulp():
 
 
 @each_law
-def test_a_curve_of_a_law_agrees_with_its_single_moments(values):
-    """Also between two nanoseconds, where it is the mean of both."""
-    law = drive_of(**values).motion.law
-    end = law.duration * (3 if law.repeats else 1)
-    inside = range(1, end, end // 97)
-    times = [*inside, *(time for time in moments(law) if time < end)]
-    single = np.transpose([law.at(time) for time in times])
-    sizes = np.abs(single).max(axis=1, keepdims=True) + 1e-300
-    curve = law.curve()
-    found = np.array(np.broadcast_arrays(*curve(np.array(times, float))))
-    assert np.abs(found - single) / sizes == pytest.approx(0, abs=4e-14)
-    both = [np.transpose([law.at(time + i) for time in inside]) for i in (0, 1)]
-    found = np.array(np.broadcast_arrays(*curve(np.array(inside) + 0.5)))
-    assert np.abs(found - sum(both) / 2) / sizes == pytest.approx(0, abs=4e-14)
-
-
-@each_law
 def test_many_times_and_a_logged_segment_give_equal_bits(values):
     motion = LawMotion.begin(drive_of(**values).motion.law, NOW)
     stamps = [NOW + time for time in moments(motion.segment.law)]

@@ -566,19 +566,34 @@ def _law_motion(law: Any, resolution: float) -> Callable[[Array], Driven]:
         law: The law.
         resolution: Difference of the last time from the next float, ns.
     """
-    moments = law.curve()
 
     def motion(seconds: Array) -> Driven:
         time = seconds * 1e9
         whole = np.rint(time)
         is_whole = np.abs(time - whole) < 0.5 * _BEFORE * resolution
-        turns, angle, rate, acceleration = moments(np.where(is_whole, whole, time))
+        turns, angle, rate, acceleration = _moments(law, np.where(is_whole, whole, time))
         if law.slides:
             return Driven(angle, rate, acceleration, angle)
         reduced = without_turns(angle, 0.0, 2) + math.tau * (turns % 2)
         return Driven(reduced, rate, acceleration, angle + math.tau * turns)
 
     return motion
+
+
+def _moments(law: Any, times: Array) -> Array:
+    """Returns turns, angles, rates and accelerations of a law at times, ns, shape (4, n).
+
+    Between whole nanoseconds, they are extrapolated from the two before.
+    """
+    whole = np.floor(times)
+    moments = np.array([law.at(int(time)) for time in whole.tolist()]).T
+    between = np.flatnonzero(times > whole)
+    earlier = np.array([law.at(max(int(time) - 1, 0)) for time in whole[between].tolist()])
+    growth = moments[:, between] - earlier.reshape(-1, 4).T
+    growth[1] += math.tau * growth[0]  # a period may have ended
+    growth[0] = 0.0
+    moments[:, between] += (times - whole)[between] * growth
+    return np.asarray(moments)
 
 
 def _mean_speed(law: Any) -> float:

@@ -197,8 +197,9 @@ class _Copy:
         for i in np.flatnonzero(~is_message):
             new.declare(parsed(data[starts[i]], data[starts[i] + HEAD.size : starts[i + 1]]))
         numbers = list(dict.fromkeys(heads['channel'][is_message].tolist()))  # in order of use
-        for number in numbers:
-            self._declare_spare(number)
+        for number in numbers:  # up to the record of the summary that declares it
+            while self._spare and number not in new.channels:
+                new.declare(self._spare.pop(0))
         is_kept = is_message & np.isin(heads['channel'], [*new.channels])
         self._unknown += int(is_message.sum() - is_kept.sum())
         if not is_kept.all():
@@ -211,8 +212,3 @@ class _Copy:
         index = {n: entries[channels == n] for n in numbers if n in new.channels}
         new.add_records(data, times, index)
         new.flush()
-
-    def _declare_spare(self, number: int) -> None:
-        """Declares records of the summary until they include the channel with this number."""
-        while self._spare and number not in self._new.mcap.channels:
-            self._new.mcap.declare(self._spare.pop(0))

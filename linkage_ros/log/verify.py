@@ -46,7 +46,6 @@ from linkage_ros.messages.topics import (
     prefix_of,
 )
 from linkage_ros.messages.urdf import text_of
-from linkage_ros.motion.drives.base import Drive
 from linkage_ros.numeric import Array
 from linkage_ros.run.robot import Robot
 from linkage_ros.run.states import RowPart
@@ -87,12 +86,6 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
         kind = 'missing' if log.lost > 0 else 'too many'
         done.difference = f'logged messages {kind}: {abs(log.lost)}, according to the end record'
     return done
-
-
-def _states_of(drive: type[Drive]) -> type[TickStates] | type[MeasuredStates]:
-    if drive.is_measured:
-        return MeasuredStates
-    return TorqueStates if drive.is_integrated else TickStates
 
 
 class Verification:
@@ -172,7 +165,12 @@ class Verification:
             LogError: The log lacks the topics or segments required to recompute its states.
         """
         log, robot = self._log, self._robot
-        kind = _states_of(log.configuration.drive_kind)
+        drive = log.configuration.drive_kind
+        kind: type[TickStates] | type[MeasuredStates] = TickStates
+        if drive.is_measured:
+            kind = MeasuredStates
+        elif drive.is_integrated:
+            kind = TorqueStates
         needed = {topic.interface for topic in kind.needed}
         has_needed = any(topic.interface in needed for topic in self._channels)
         has_motions = all(log.motions.values())

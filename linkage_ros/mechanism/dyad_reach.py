@@ -210,7 +210,9 @@ def _closed_arcs(
         # Parts on which the dyad closes alternate with parts on which it does not.
         parts = list(itertools.pairwise(ends))[0 if closes[0] else 1 :: 2]
         if is_ring and len(parts) > 1 and closes[0] and closes[-1]:
-            parts = _joined_across_start(parts, period)
+            # The last part continues the first.
+            (_, end), *between, (start, _) = parts
+            parts = [*between, (start, end + period)]
         closed += parts
     if closed == list(arcs):
         return closed, None
@@ -218,12 +220,6 @@ def _closed_arcs(
     smallest = rows.min(axis=0)
     i = int(smallest.argmin() if closed else smallest.argmax())
     return closed, _Worst(float(crank[i]), float(smallest[i]), int(rows[:, i].argmin()))
-
-
-def _joined_across_start(parts: Sequence[Arc], period: float) -> list[Arc]:
-    """Joins the last part of a ring, rad, to the first, which continues it."""
-    (_, end), *between, (start, _) = parts
-    return [*between, (start, end + period)]
 
 
 def _samples_with_minima(

@@ -449,7 +449,8 @@ def dyad_lines(
     if parent == i:  # an inner guide
         first = Line(-first.direction.left(), first.rate)
     if parent is None or parent < i:  # a guide solved before: the line is its normal
-        return first, _normal_of_guide(model, direction, rates, j)
+        spin = spin_of(model.links, j)
+        return first, Line(direction.left(), ZERO if spin is None else rates[spin])
     # The line from the pivot of the link with the guide to the pin of the sliding link.
     origin: Any = last.origin  # a `Vector` in formulas
     along, across = pose.links[j].position, origin.y
@@ -457,12 +458,6 @@ def dyad_lines(
     length = sqrt(square)
     line = turned(direction, along / length, across / length)
     return first, Line(line, rates[parent] - across * rates[j] / square)
-
-
-def _normal_of_guide(model: Model, guide: Vector, rates: Sequence[Real], j: int) -> Line:
-    """Returns the normal of the guide on which link j slides."""
-    spin = spin_of(model.links, j)
-    return Line(guide.left(), ZERO if spin is None else rates[spin])
 
 
 def point_motion(

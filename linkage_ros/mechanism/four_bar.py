@@ -58,7 +58,6 @@ from linkage_ros.mechanism.transmission import HalfAngles, Square, Transmission,
 from linkage_ros.numeric import (
     HALF_PI,
     Real,
-    exact_sum,
     nearest_turns,
     rounded,
     short_sum,
@@ -321,19 +320,19 @@ class FourBar(Mechanism):
     def _pairs(self, far: float, near: float, other: float) -> tuple[tuple[float, float], ...]:
         """Computes (d - r, d + r) and (b - c, b + c), m, consistent with the short sums."""
         r, b, c, d = self._lengths()
-        sum_dr, diff_dr, diff_bc = exact_sum(d, r), exact_sum(d, -r), exact_sum(b, -c)
+        sum_dr, diff_dr, diff_bc = d + r, d - r, b - c
         if near == 0 and other == 0:
             diff_dr = diff_bc = 0.0
         elif near == 0 or other == 0:
             diff_bc = diff_dr if near == 0 else -diff_dr
-        return (diff_dr, sum_dr), (diff_bc, sum_dr if far == 0 else exact_sum(b, c))
+        return (diff_dr, sum_dr), (diff_bc, sum_dr if far == 0 else b + c)
 
     def _transmission(self, far: float, near: float, other: float, around: float) -> Transmission:
         """Creates the transmission from the values of `_sums` and the perimeter `around`, m."""
         r, b, c, d = self._lengths()
         four_bc, delta = 4 * b * c, self.frame.angle
-        at_far = exact_sum(d, r, -b, c) * exact_sum(d, r, b, -c) / four_bc
-        at_near = exact_sum(b, c, -d, r) * exact_sum(b, c, d, -r) / four_bc
+        at_far = math.fsum((d, r, -b, c)) * math.fsum((d, r, b, -c)) / four_bc
+        at_near = math.fsum((b, c, -d, r)) * math.fsum((b, c, d, -r)) / four_bc
         return Transmission(
             (delta, 0.0),
             sqrt(r * d / (b * c)) * (-1 if nearest_turns(delta) % 2 else 1),

@@ -49,7 +49,7 @@ from linkage_ros.mechanism.parts import (
 )
 from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, direction
 from linkage_ros.mechanism.transmission import Square, half_angle, normalized
-from linkage_ros.numeric import Real, exact_sum, rounded, short_sum
+from linkage_ros.numeric import Real, rounded, short_sum
 from linkage_ros.quantities import quantity
 
 CYLINDER = 'cylinder'  # value of `input` if the rod is driven
@@ -310,7 +310,7 @@ class InvertedSliderCrank(SlideDriven):
             axis=Vector.at(self.frame.angle),
             side=1 if description.assembly == OPEN else -1,
             crank=r,
-            ground=(exact_sum(d, -r), exact_sum(d, r)),
+            ground=(d - r, d + r),
             offset=self.offset,
             growth=2 * math.sqrt(r * d),
             square=Square.of(least * other, most * all_sum),

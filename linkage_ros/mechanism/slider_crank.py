@@ -55,7 +55,6 @@ from linkage_ros.mechanism.transmission import Square, Transmission
 from linkage_ros.numeric import (
     HALF_PI,
     Real,
-    exact_sum,
     nearest_turns,
     rounded,
     short_sum,
@@ -309,7 +308,7 @@ class SliderCrank(SlideDriven):
             side,
             guide,
             lengths=(r, b),
-            ground=(short_sum(self._longest(), r, -b) or ZERO, exact_sum(r, b)),
+            ground=(short_sum(self._longest(), r, -b) or ZERO, r + b),
             offset=e,
             growth=2 * math.sqrt(r * b),
             triangle=self._triangle(),

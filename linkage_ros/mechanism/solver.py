@@ -334,22 +334,18 @@ class Solver:
                 that the rates are infinite.
             ConfigurationError: A value is not a finite number, or the torque overflows.
         """
+        rows: Rows
         are_floats = type(q) is type(u) is type(a) is float
         if are_floats and self._takes_floats and under is OWN_CONDITIONS:  # the fastest way
             rows = self._accelerated.floats(q, u, a) if a else self._steady.floats(q, u)
+        elif self.model.joint_loads:
+            rows = self._settle(q, u, a, under).rows
+        elif type(a) is float and not a and not under:
+            rows = self._steady(*self._row('q', q), *self._row('u', u))
         else:
-            rows = self._state_rows(q, u, a, under)
+            rows = self._run(equations.state, under, q=q, u=u, a=a)
         positions, velocities, accelerations, torque = rows
         return State(positions, velocities, accelerations, torque, under, self.links)
-
-    def _state_rows(self, q: Any, u: Any, a: Any, under: Conditions) -> Rows:
-        """Computes the rows of a `State` from arguments of any kind; see `state`."""
-        if self.model.joint_loads:
-            return self._settle(q, u, a, under).rows
-        is_steady = type(a) is float and not a
-        if is_steady and not under:
-            return cast('Rows', self._steady(*self._row('q', q), *self._row('u', u)))
-        return cast('Rows', self._run(equations.state, under, q=q, u=u, a=a))
 
     def torque(
         self,

@@ -10,14 +10,14 @@ import functools
 import json
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from itertools import chain, pairwise, zip_longest
+from itertools import chain, pairwise
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from linkage_ros.numeric import TURN, Array, Real
+from linkage_ros.numeric import TURN
 from linkage_ros.quantities import counted
 from linkage_ros.units import NS_PER_S
 
@@ -55,9 +55,7 @@ def _direction(angle: int) -> tuple[float, float]:
 
 
 class Moment(NamedTuple):
-    """The motion of the driven joint at a time, or in arrays at many.
-
-    The values of a sliding joint are in m instead of rad.
+    """The motion of the driven joint at a time; a sliding joint's values are in m instead of rad.
 
     Attributes:
         turns: Whole turns to add to the angle.
@@ -66,10 +64,10 @@ class Moment(NamedTuple):
         acceleration: Acceleration, rad/s^2.
     """
 
-    turns: Real
-    angle: Real
-    rate: Real
-    acceleration: Real
+    turns: int
+    angle: float
+    rate: float
+    acceleration: float
 
 
 class Sine(NamedTuple):
@@ -120,21 +118,7 @@ class Sine(NamedTuple):
         """Returns the motion of the crank at a time, ns."""
         numerator, denominator = self.frequency.as_integer_ratio()
         turned = (numerator * time << _BITS) // (denominator * NS_PER_S)
-        return self._moment(*_direction(turned + _in_turns(self.phase)))
-
-    def curve(self) -> Callable[[Array], Moment]:
-        """Returns the motion as a function of times, ns, that need not be whole.
-
-        In the first periods, it agrees with `at` within a few ulp.
-        """
-
-        def moments(times: Array) -> Moment:
-            phase = 2 * math.pi * self.frequency * (times / NS_PER_S) + self.phase
-            return self._moment(np.sin(phase), np.cos(phase))
-
-        return moments
-
-    def _moment(self, sine: Real, cosine: Real) -> Moment:
+        sine, cosine = _direction(turned + _in_turns(self.phase))
         speed = 2 * math.pi * self.frequency
         swing, slope = self.amplitude * sine, self.amplitude * cosine
         return Moment(0, self.center + swing, slope * speed, -swing * speed * speed)
@@ -205,22 +189,14 @@ class Spline(NamedTuple):
             periods, time = divmod(time, self.times[-1])
             turns = periods * self.turns
         i = min(bisect_right(self.times, time), len(self.rows)) - 1
-        return _moment(turns, self.rows[i], (time - self.times[i]) / NS_PER_S)
-
-    def curve(self) -> Callable[[Array], Moment]:
-        """Returns the motion as a function of times, ns, not after the end; see `Sine.curve`."""
-        starts = np.array(self.times, float)
-        factors = np.array([*zip_longest(*self.rows, fillvalue=0.0)])
-
-        def moments(times: Array) -> Moment:
-            turns: Real = 0
-            if self.turns is not None:
-                periods, times = np.divmod(times, starts[-1])
-                turns = periods * self.turns
-            piece = np.minimum(np.searchsorted(starts, times, 'right'), len(self.rows)) - 1
-            return _moment(turns, [*factors[:, piece]], (times - starts[piece]) / NS_PER_S)
-
-        return moments
+        seconds = (time - self.times[i]) / NS_PER_S
+        # Horner's method for the polynomial, its rate, and half its second derivative, `bend`.
+        angle = rate = bend = 0.0
+        for factor in reversed(self.rows[i]):
+            bend = bend * seconds + rate
+            rate = rate * seconds + angle
+            angle = angle * seconds + factor
+        return Moment(turns, angle, rate, 2 * bend)
 
     @property
     def largest(self) -> tuple[float, float, float]:
@@ -266,17 +242,6 @@ class Spline(NamedTuple):
 
     def __str__(self) -> str:
         return _text(self)
-
-
-def _moment(turns: Real, factors: Sequence[Real], seconds: Real) -> Moment:
-    """Returns the motion along a polynomial, whose first coefficient is the constant."""
-    # Horner's method for the polynomial, its rate, and half its second derivative, `bend`.
-    angle = rate = bend = 0.0
-    for factor in reversed(factors):
-        bend = bend * seconds + rate
-        rate = rate * seconds + angle
-        angle = angle * seconds + factor
-    return Moment(turns, angle, rate, 2 * bend)
 
 
 def _derivative(factors: Sequence[float]) -> list[float]:

@@ -352,12 +352,6 @@ class LiveRun:
             self._publish(ahead.topic, message)
             self._torque.renew({})
 
-    def _command_publishers(self) -> dict[str, Publisher]:
-        """Returns the publishers of commands for controllers, by name of the topic."""
-        drive = self._robot.drive
-        topics = drive.effort_command_topic, drive.trajectory_command_topic
-        return {name: self._publisher_of[name] for name in topics if name}
-
     def _send_zeros(self, end: TorqueEnd) -> None:
         """Sends and logs torques of 0 on each topic of commands."""
         zeros, drive = dict[str, bytes](), self._robot.drive
@@ -408,8 +402,11 @@ class LiveRun:
     def _log_news(self, statuses: Sequence[Status]) -> None:
         """Logs first states, new warnings and the ends of warnings, and ranges that were left."""
         logger = self._node.get_logger()
-        for line in self._first_states():
-            logger.info(line)
+        for name, linkage in self.linkages.items():
+            if linkage.first:  # it shows which assembly it is
+                words = linkage.simulator.joint_words(linkage.first)
+                logger.info(f'{prefix_of(name, ": ")}first state: {words}')
+                linkage.first = ()
         for status in self._monitor.changes(statuses):
             if status.level == WARN:
                 logger.warning(status.message)
@@ -432,14 +429,6 @@ class LiveRun:
             troubles += subscription.mistyped()
         return troubles
 
-    def _first_states(self) -> Iterator[str]:
-        """Yields the joints of first states, once; they show which assembly it is."""
-        for name, linkage in self.linkages.items():
-            if linkage.first:
-                words = linkage.simulator.joint_words(linkage.first)
-                yield f'{prefix_of(name, ": ")}first state: {words}'
-                linkage.first = ()
-
     def fail(self, error: BaseException) -> None:
         """Ends the motion and the torques because of an error in a report."""
         self._ticker.stop(functools.partial(threading.Thread.join, timeout=_LAST_TICK_SECONDS))
@@ -461,9 +450,11 @@ class LiveRun:
 
     def _end_torques(self, cause: str) -> None:
         """Sends torques of 0, and waits for their delivery; reports if ROS has ended before."""
+        drive = self._robot.drive
+        topics = drive.effort_command_topic, drive.trajectory_command_topic
         try:
             self._torque.end_for_good(cause)
-            wait_for_delivery(self._command_publishers().values())
+            wait_for_delivery(self._publisher_of[name] for name in topics if name)
         except RuntimeError as error:  # RCLError, which has no public name
             words = one_line(str(error))
             self._node.get_logger().fatal(f'a torque of 0 cannot be sent: {words}')

@@ -66,7 +66,8 @@ def given_values(node: Node, arguments: Iterable[str] = ()) -> dict[str, object]
         overrides = node._parameter_overrides  # noqa: SLF001
     values = without_ros_parameters({name: p.value for name, p in overrides.items()})
     pairs = [*itertools.pairwise((*sys.argv, *arguments))]
-    rules = _rules(pairs)
+    texts = (rule for option, rule in pairs if option in {'-p', '--param'} and ':=' in rule)
+    rules = dict(rule.split(':=', 1) for rule in texts)
     _require_no_hidden(values, rules)
     node_name = node.get_fully_qualified_name()
     for path in [path for option, path in pairs if option == '--params-file']:
@@ -77,12 +78,6 @@ def given_values(node: Node, arguments: Iterable[str] = ()) -> dict[str, object]
             if values.get(name) == in_file[name]:
                 values[name] = value
     return values
-
-
-def _rules(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
-    """Returns the values that -p gives in pairs of adjacent arguments, as text by name."""
-    rules = (rule for option, rule in pairs if option in {'-p', '--param'} and ':=' in rule)
-    return dict(rule.split(':=', 1) for rule in rules)
 
 
 def _require_no_hidden(values: Mapping[str, Any], rules: Mapping[str, str]) -> None:

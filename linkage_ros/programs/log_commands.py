@@ -20,11 +20,10 @@ from linkage_ros.log.tables import write_csv
 from linkage_ros.log.verify import Verification, verify
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.topics import prefix_of
-from linkage_ros.motion.segments import Segment
 from linkage_ros.quantities import counted
 from linkage_ros.settings.notes import notes
 from linkage_ros.settings.summary import summary
-from linkage_ros.units import NS_PER_S, JointUnits
+from linkage_ros.units import NS_PER_S
 
 # Stamps below this, s, are times since the start of a record, not dates.
 _FIRST_DATE = 10**9
@@ -95,7 +94,9 @@ def _motions(log: LogReader) -> Iterator[tuple[int, str]]:
     for linkage in log.configuration.linkages:
         joint = linkage.mechanism.structure().driven_link.units
         for segment in log.motions[linkage.name]:
-            yield segment.stamp, f'{prefix_of(linkage.name, ": ")}{_motion(segment, joint)}'
+            under = f', gravity {list(segment.gravity)} m/s^2' if segment.gravity else ''
+            words = f'{segment.words(joint)}{under}'
+            yield segment.stamp, f'{prefix_of(linkage.name, ": ")}{words}'
         if end := log.linkage_ends.get(linkage.name):
             yield end.stamp, f'{linkage.name} ends: {printable(end.cause)}'
 
@@ -103,11 +104,6 @@ def _motions(log: LogReader) -> Iterator[tuple[int, str]]:
 def _causes_of_zeros(log: LogReader) -> Counter[str]:
     """Returns how often torques ended, by the linkage, if it was one of several, and the cause."""
     return Counter(f'{prefix_of(end.linkage, ": ")}{end.cause}' for end in log.torque_ends)
-
-
-def _motion(segment: Segment, units: JointUnits) -> str:
-    under = f', gravity {list(segment.gravity)} m/s^2' if segment.gravity else ''
-    return f'{segment.words(units)}{under}'
 
 
 def _time(stamp: int) -> str:

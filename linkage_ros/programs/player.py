@@ -101,17 +101,13 @@ def feed(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Iterator[I
     with ThreadPoolExecutor(1, 'reader') as reader:
 
         def read() -> Future[list[Item]]:
-            return reader.submit(_next_batch, stored)
+            return reader.submit(lambda: [*itertools.islice(stored, _BATCH)])
 
         batches = deque(read() for _ in range(_BATCHES))
         try:
             yield _items(batches, read)
         finally:
             reader.shutdown(cancel_futures=True)
-
-
-def _next_batch(stored: Iterator[Item]) -> list[Item]:
-    return list(itertools.islice(stored, _BATCH))
 
 
 def _items(

@@ -96,7 +96,9 @@ def refuse_old_names(values: Mapping[str, object]) -> None:
 
 def _converted(values: Mapping[str, object]) -> dict[str, Members]:
     """Returns the loads and points that replace old names, by section."""
-    return {'loads': _converted_loads(values), 'points': _converted_point(values)}
+    has_point = _OLD_POINT in values
+    points = {_POINT: {'link': 'coupler', 'at': values[_OLD_POINT]}} if has_point else {}
+    return {'loads': _converted_loads(values), 'points': points}
 
 
 def new_name(name: str) -> str:
@@ -123,13 +125,6 @@ def _old_load(name: str) -> tuple[_OldLoad, re.Match[str]] | None:
         if match := re.fullmatch(old.pattern, name):
             return old, match
     return None
-
-
-def _converted_point(values: Mapping[str, object]) -> Members:
-    """Returns the traced point that replaces a coupler point."""
-    if _OLD_POINT not in values:
-        return {}
-    return {_POINT: {'link': 'coupler', 'at': values[_OLD_POINT]}}
 
 
 def _converted_loads(values: Mapping[str, object]) -> Members:

@@ -248,10 +248,7 @@ def _address_of(target: str) -> tuple[str, int] | None:
 
 
 def _is_reachable(address: tuple[str, int], timeout: float) -> bool:
-    """Returns whether a server accepts connections at an address, at least once within a time, s.
-
-    At least one attempt is made.
-    """
+    """Waits, at most for a time, s, for a server at an address; returns whether one answers."""
     deadline = time.monotonic() + timeout
     while True:
         with contextlib.suppress(OSError, UnicodeError):  # UnicodeError: an impossible host name

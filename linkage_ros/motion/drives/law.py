@@ -276,8 +276,7 @@ class LawDrive(TrajectoryFeedForward):
     @property
     def crank_angle(self) -> float:
         """The crank angle at t = 0, rad, or the position of a slide, m."""
-        angle: float = self.motion.law.at(0).angle
-        return angle
+        return self.motion.law.at(0).angle
 
     def law(self, joint: Link) -> Law:
         """Returns the law of a driven joint."""
