@@ -21,7 +21,7 @@ import linkage_ros as lr
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.structure import Point
 from linkage_ros.palette import BLACK, COLORS, DARK, GREY, Color
-from linkage_ros.view.drawing import Drawing
+from linkage_ros.view.picture import Picture as LinkagePicture
 
 _PALE = 0.25  # opacity of the other assembly
 
@@ -58,7 +58,7 @@ class Picture(Sheet):
     def _links(self, mechanism: Mechanism, crank: float, attributes: str) -> None:
         structure, (places, _) = mechanism.structure(), mechanism.start()
         position = [link.position for link in mechanism.loop().pose((crank, *places)).links]
-        drawing = Drawing(mechanism, crank)
+        drawing = LinkagePicture(mechanism, crank)
         self.directions = [
             angle for angle, link in zip(position, structure.links, strict=True) if not link.slides
         ]

@@ -30,7 +30,7 @@ from linkage_ros.mechanism.wrenches import FRAME, poses
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.along_law import LawMotion, reversals
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
-from linkage_ros.motion.measured import FollowMotion
+from linkage_ros.motion.measured import TrackingFilter
 from linkage_ros.motion.steps import live_steps, record_steps
 from linkage_ros.motion.under_torque import Motor, published
 from linkage_ros.numeric import without_turns, wrap
@@ -47,7 +47,7 @@ from linkage_ros.settings.old_names import new_name
 from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 from linkage_ros.settings.yaml_file import read_yaml
 from linkage_ros.units import radians_per_second
-from linkage_ros.view.drawing import Drawing
+from linkage_ros.view.picture import Picture
 from linkage_ros.xml_file import read_xml
 
 
@@ -64,16 +64,16 @@ __all__ = [
     'STANDARD_OUTPUT',
     'UNITS',
     'Configuration',
-    'Drawing',
     'DrivenMechanism',
-    'FollowMotion',
     'LawMotion',
     'Linkage',
     'MechanismAndDrive',
     'Model',
     'Motor',
+    'Picture',
     'Ranges',
     'Simulator',
+    'TrackingFilter',
     'acting_forces',
     'axes_of',
     'configuration_of',

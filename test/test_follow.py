@@ -30,7 +30,7 @@ from state_messages import messages_of
 from linkage_ros import Solver
 from linkage_ros.messages.cdr import NAMED_TWICE, NOT_ONE_EACH
 from linkage_ros.motion.drives.follow import NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH
-from linkage_ros.motion.measured import NOT_FINITE, NOT_NEWER, FollowMotion, extrapolated
+from linkage_ros.motion.measured import NOT_FINITE, NOT_NEWER, TrackingFilter, extrapolated
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
 
@@ -40,7 +40,7 @@ CODEC = JointStateCodec(('left_crank', 'left_coupler', 'left_rocker'), 'base_lin
 
 
 def followed(measurements, bandwidth=20.0, period_turns=1):
-    motion = FollowMotion(bandwidth, period_turns)
+    motion = TrackingFilter(bandwidth, period_turns)
     return [motion.at(*one) for one in measurements]
 
 
@@ -143,7 +143,7 @@ def test_old_or_nonfinite_measurements_are_rejected():
     good = [(1000 * MS, 0.1), (1005 * MS, 0.2), (1010 * MS, 0.4)]
     old = [(1005 * MS, 9.0), (1004 * MS, 9.0), (505 * MS, 9.0)]
     bad = [(1006 * MS, math.nan), (1007 * MS, math.inf), (1008 * MS, 0.3, math.inf)]
-    motion = FollowMotion(20.0, 1)
+    motion = TrackingFilter(20.0, 1)
     for measurement in good[:2]:
         motion.at(*measurement)
     for measurements, cause in ((old, NOT_NEWER), (bad, NOT_FINITE)):
@@ -341,9 +341,9 @@ def test_the_log_is_verified_by_following_its_measurements_again(answered, monke
     assert report.states == len(messages[ANSWERS])
     assert ANSWERS in report.compared
     assert MEASURED in report.others
-    begin = FollowMotion.__init__
+    begin = TrackingFilter.__init__
     monkeypatch.setattr(
-        FollowMotion, '__init__', lambda motion, _, turns: begin(motion, 21.0, turns)
+        TrackingFilter, '__init__', lambda motion, _, turns: begin(motion, 21.0, turns)
     )
     assert re.search('^state .*recomputed: off by', report_of(path).difference)
 

@@ -59,7 +59,7 @@ from linkage_ros.mechanism.loads.gas import GasForce
 from linkage_ros.mechanism.wrenches import FRAME, poses, velocity
 from linkage_ros.quantities import build, flatten
 from linkage_ros.settings.configuration import load
-from linkage_ros.view.drawing import Drawing
+from linkage_ros.view.picture import Picture
 
 CLOSE = 1e-11
 MACHINES = {
@@ -756,7 +756,7 @@ def test_forces_of_one_load_at_one_point_add_and_others_have_names_of_their_own(
 def test_arrows_stand_at_the_points_of_forces():
     force = Force('coupler', (30.0, -40.0), (0.2, 0.3), name='payload')
     mechanism = with_loads(MACHINES['four_bar'], force, Pins(1.0))
-    solver, drawing = Solver(mechanism), Drawing(mechanism)
+    solver, drawing = Solver(mechanism), Picture(mechanism)
     state = solver.state(np.array([0.3, 2.0]), 2.0)
     position, rates = (np.stack(row, axis=-1) for row in state[:2])
     arrows = drawing.loads(position, rates)

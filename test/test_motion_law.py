@@ -14,7 +14,6 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 
-import numpy as np
 import pytest
 from live_logs import live, ticks
 from mechanisms import LIMITED, of

@@ -37,7 +37,7 @@ from linkage_ros.mechanism.parts import Guide, Slider
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.settings.presets import preset_path
-from linkage_ros.view.drawing import Drawing
+from linkage_ros.view.picture import Picture
 
 EXAMPLES = ROOT / 'docs' / 'examples'
 GEAR = EXAMPLES / 'cardan_gear.yaml'
@@ -169,7 +169,7 @@ def test_a_link_with_a_name_of_its_own_is_drawn_and_described(cardan_gear, solve
 
     parts = {name: getattr(solver.mechanism, name) for name in Pinion.__match_args__}
     gear = Pinion(**{**parts, 'points': [TracedPoint('C', 'pinion', (0.05, 0.0))]})
-    drawing = Drawing(gear)
+    drawing = Picture(gear)
     ends = {'crank': ('A0', 'A'), 'pinion': ('A', 'B')}
     assert (drawing.ends, drawing.owners) == (ends, {'B': 'slider', 'C': 'pinion'})
     robot = ET.fromstring(make_urdf(gear).encode())

@@ -38,7 +38,7 @@ from linkage_ros.motion.steps import record_steps
 from linkage_ros.programs.record import record
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure
-from linkage_ros.view.drawing import Drawing
+from linkage_ros.view.picture import Picture
 
 # Long enough for every mechanism of ALL: a link and a slider on the frame, two links, a link and a
 # slider on a moving link, and a barrel and a rod.
@@ -275,7 +275,7 @@ def test_old_argument_of_a_coupler_is_refused_with_the_new_one():
 @pytest.mark.parametrize('mechanism', MECHANISMS.values(), ids=MECHANISMS)
 def test_drawing_shows_every_point_and_its_path(mechanism):
     mechanism = on_every_link(mechanism)
-    solver, drawing = Solver(mechanism), Drawing(mechanism)
+    solver, drawing = Solver(mechanism), Picture(mechanism)
     state = near(solver, 0.0)
     (places,) = drawing.place(np.array([state.position], dtype=float))
     lines = drawing.links(places[np.newaxis])

@@ -28,8 +28,8 @@ from linkage_ros.motion.drives.torque import TorqueDrive
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.presets import preset_names
 from linkage_ros.units import NS_PER_S
-from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.load_arrows import LoadArrows
+from linkage_ros.view.picture import Picture
 from linkage_ros.view.rerun_drawing import RerunDrawing
 
 # A crank that hangs, and swings within 157 deg about the line to the rocker's pivot.
@@ -98,7 +98,7 @@ def drawn(request, tmp_path_factory):
     moving = found[MOVING]
     # 200 states and 50 drawings per second.
     assert moving['ros2_timestamp'] == stamps[::4]
-    drawing = Drawing(mechanism, configuration.drive.crank_angle)
+    drawing = Picture(mechanism, configuration.drive.crank_angle)
     labels, pins = points_of(moving)
     strips = zip(*moving['LineStrips2D:strips'], moving['LineStrips2D:colors'][0], strict=True)
     lines = [np.array(strip) @ (1, 1j) for *strip, _ in strips]
@@ -157,7 +157,7 @@ def test_a_block_is_drawn_at_its_pin_and_its_slot_through_it(pins, frame, links,
         links=[DrawnLink(name, [*of]) for name, of in links.items()],
     )  # fmt: skip
     mechanism = sheet.mechanism()
-    solver, drawing = Solver(mechanism), Drawing(mechanism)
+    solver, drawing = Solver(mechanism), Picture(mechanism)
     start = mechanism.drawn.position
     for place in (start, start + 0.2, start - 0.2):
         state = solver.state(place)
@@ -366,7 +366,7 @@ def test_rail_is_as_long_as_the_slider_can_travel(lengths, start, low, high):
         'wind_pump', crank__length=crank, coupler__length=coupler, rod__length=rod,
         slider__position=start, crank_angle=0.05,
     )  # fmt: skip
-    ground = Drawing(configuration.mechanism).ground
+    ground = Picture(configuration.mechanism).ground
     rail = max(ground, key=lambda line: np.ptp(line[:, 0]))[:, 0]
     # The rail extends beyond the extreme positions by little more than the slider's block.
     assert [rail.min(), rail.max()] == pytest.approx([low, high], abs=0.2)
@@ -382,9 +382,9 @@ def test_only_the_reachable_arc_is_drawn():
     first, second = solver.mobility.arcs
     # A measured crank is expected in the first arc; an angle of 0 is in the other.
     measured = RerunDrawing(replace(configuration.only, drive=FollowDrive())).drawing.paths['B']
-    assert np.array_equal(measured, Drawing(mechanism, sum(first) / 2).paths['B'])
+    assert np.array_equal(measured, Picture(mechanism, sum(first) / 2).paths['B'])
     for (start, end), turns in itertools.product((first, second), (-2, 0, 1)):
-        drawing = Drawing(mechanism, 0.3 * start + 0.7 * end + turns * 2 * math.pi)
+        drawing = Picture(mechanism, 0.3 * start + 0.7 * end + turns * 2 * math.pi)
         b = solver.point(solver.state(np.linspace(start + 1e-6, end - 1e-6, 50)), 'B').position
         got, expected = drawing.paths['B'], np.stack(b, axis=-1)
         assert got.min(axis=0) == pytest.approx(expected.min(axis=0), abs=2e-3)
@@ -426,7 +426,7 @@ def test_curves_are_those_of_the_states_without_jumps(configuration, tmp_path):
 def test_blocks_and_barrels_turn_with_their_guides(name):
     mechanism = MOVING_GUIDES[name]
     solver, (q,) = Solver(mechanism), coordinates(mechanism, 1.3)
-    structure, drawing = solver.structure, Drawing(mechanism, q)
+    structure, drawing = solver.structure, Picture(mechanism, q)
     position = np.array(solver.state(q).position)
     lines = drawing.links(drawing.place(position[np.newaxis]))
     for j, link in enumerate(structure.links):
@@ -464,7 +464,7 @@ def slotted(kind, at=None):
 @pytest.mark.parametrize('kind', ['drawn', 'by lengths'])
 def test_pins_of_a_lever_are_joined_to_its_slot(kind, at):
     mechanism = slotted(kind, at)
-    drawing, lever = Drawing(mechanism), mechanism.structure().links[1].name
+    drawing, lever = Picture(mechanism), mechanism.structure().links[1].name
     points = drawing.place(drawing.positions)
     line = drawing.links(points)[lever] @ (1, 1j)
     steps = abs(np.diff(line, axis=1))
@@ -479,6 +479,6 @@ def test_pins_of_a_lever_are_joined_to_its_slot(kind, at):
 
 @pytest.mark.parametrize('name', ['shaper', 'excavator'])
 def test_a_barrel_with_a_pin_beyond_its_rod_is_a_lever_with_a_slot(name):
-    drawing = Drawing(load(name).mechanism, load(name).drive.drawn_angle(load(name).mechanism))
+    drawing = Picture(load(name).mechanism, load(name).drive.drawn_angle(load(name).mechanism))
     assert ('E' in drawing.pins) == (name == 'excavator')
     assert (drawing.ends['barrel'][1] == 'E') == (name == 'excavator')

@@ -18,7 +18,7 @@ from linkage_lab.gaps import Column
 from linkage_lab.output import shown_range
 from linkage_lab.period import OVER_TIME, Period, angle_name
 from linkage_ros.formulas import Array
-from linkage_ros.internals import Drawing
+from linkage_ros.internals import Picture
 from linkage_ros.palette import GREY, SECOND, Color
 
 _SIZE, _TALLEST = 480, 400  # px, width of a picture, and largest height of the linkage
@@ -152,9 +152,9 @@ def _quantity(column: Column, name: str, color: Color, *, is_drawn: bool = True)
 
 
 class _Linkage(NamedTuple):
-    """A drawing, and its moving parts at all samples; see `Drawing`."""
+    """A drawing, and its moving parts at all samples; see `Picture`."""
 
-    drawing: Drawing
+    drawing: Picture
     pins: Array
     links: dict[str, Array]
     loads: dict[str, Array]
@@ -325,7 +325,7 @@ def _name_places(moving: _Linkage, canvas: _Canvas) -> Array:
     return np.asarray(moving.pins + _NAME / canvas.scale * directions / distances)
 
 
-def _pivots(drawing: Drawing, canvas: _Canvas) -> list[_NamedPin]:
+def _pivots(drawing: Picture, canvas: _Canvas) -> list[_NamedPin]:
     """Returns the pivots; their names are at the sides, because the ground is drawn below them."""
     middle = 0.5 * (canvas.low + canvas.high)[0]
     pivots = []

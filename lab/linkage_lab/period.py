@@ -23,7 +23,7 @@ from linkage_lab.sampling import (
 )
 from linkage_ros import ConfigurationError, Mechanism, Solver, State, Travel, WindPump, travel
 from linkage_ros.formulas import Array
-from linkage_ros.internals import Drawing, radians_per_second, without_turns
+from linkage_ros.internals import Picture, radians_per_second, without_turns
 from linkage_ros.palette import colors_of
 
 if TYPE_CHECKING:
@@ -181,9 +181,9 @@ class Period:
         return f'{self.effort_name}, {self.columns[self.effort].unit}'
 
     @functools.cached_property
-    def drawing(self) -> Drawing:
-        """Drawing of the mechanism, on the arc of the first crank angle."""
-        return Drawing(self.solver.mechanism, float(self.crank[0]))
+    def drawing(self) -> Picture:
+        """Picture of the mechanism, on the arc of the first crank angle."""
+        return Picture(self.solver.mechanism, float(self.crank[0]))
 
     def with_gaps(self) -> dict[str, Column]:
         """Returns the columns, with NaN where they have no value."""

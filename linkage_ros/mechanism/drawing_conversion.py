@@ -772,8 +772,8 @@ class Conversion:
     def wrong_neighbour(self, driven: _Body) -> str:
         """Explains that a body at a pin of the driven link closes no loop; or ''."""
         fixed = self.pivots(driven)
-        pins = () if driven.on else driven.pins
-        for pin, other in ((pin, other) for pin in pins for other in self.at_pin(pin, driven)):
+        joined = [(pin, other) for pin in driven.pins for other in self.at_pin(pin, driven)]
+        for pin, other in () if driven.on else joined:
             if other.on == FRAME_NAME:
                 return (
                     f'{other.name} slides on the frame and has the pin {pin} of {driven.name}, so '

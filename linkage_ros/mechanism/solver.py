@@ -144,7 +144,8 @@ class Solver:
         self.coordinates = self.description.coordinates
         structure = self.mechanism.structure()
         if self.coordinates != self.mechanism.coordinates:
-            structure = structure._replace(dyads=structure.other_dyads, other_dyads=structure.dyads)
+            dyads, other_dyads = structure.other_dyads, structure.dyads
+            structure = structure._replace(dyads=dyads, other_dyads=other_dyads)
         self.structure = structure
         self.links = tuple(link.name for link in structure.links)
         self.output = self.links[structure.output_index]

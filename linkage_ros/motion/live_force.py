@@ -47,7 +47,11 @@ class LiveForce(Input):
         self._frame_id = link_of(f'{joint_prefix}{load.link}') if turns else frame_id
 
     def read(self, data: bytes, _: int) -> Vector:
-        """Returns the force [x, y], N, in a WrenchStamped, and counts it; see `Input.read`."""
+        """Returns the force [x, y], N, in a WrenchStamped, and counts it; see `Input.read`.
+
+        Raises:
+            ValueError: The message has another frame_id, or its force is not finite.
+        """
         try:
             force = self._decode(data)
         except ValueError:

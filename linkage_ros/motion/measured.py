@@ -97,7 +97,7 @@ class _Filter(NamedTuple):
 
 
 class Tracked(NamedTuple):
-    """State of a `FollowMotion` after a measurement.
+    """State of a `TrackingFilter` after a measurement.
 
     Attributes:
         angle: Filter of the position.
@@ -110,7 +110,7 @@ class Tracked(NamedTuple):
     turns: int = 0
 
 
-class FollowMotion:
+class TrackingFilter:
     """The motion of a measured crank.
 
     Attributes:

@@ -282,7 +282,7 @@ class LiveRun:
         stamp: int,
         elapsed: int,
     ) -> dict[str, Motion]:
-        """Applies the messages received since the last tick to the motions; see `Input.applied`."""
+        """Applies the messages since the last tick to the motions; see `Input.applied`."""
         for name, motion in motions.items():
             source.sources[name].prepare(motion, stamp)
         messages: list[Received] = [*subscription.take()]

@@ -24,7 +24,7 @@ from linkage_ros.numeric import Array
 
 Complex: TypeAlias = npt.NDArray[np.complexfloating[Any, Any]]
 
-# In marks (see `drawing`): length of the longest straight arrow, and its distance from the
+# In marks (see `picture`): length of the longest straight arrow, and its distance from the
 # slider's pin; radius of a curved arrow; length of an arrow's head.
 _LONGEST, _BESIDE_PIN, _RADIUS, _HEAD = 6.0, 1.5, 2.6, 0.9
 _SWEEP = np.linspace(0.0, 1.5 * math.pi, 25)  # angle of the longest curved arrow, rad

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The drawing in Rerun: entities over time, constant parts, and layout.
 
-Lines and points come from `drawing`, arrows of loads from `load_arrows`; `rerun_connection` opens
+Lines and points come from `picture`, arrows of loads from `load_arrows`; `rerun_connection` opens
 the viewer and sends what is drawn here.
 
 Each call of Rerun takes as much processor time as twenty states. Therefore all moving parts are
@@ -23,7 +23,7 @@ from linkage_ros.messages.topics import prefix_of
 from linkage_ros.numeric import Array
 from linkage_ros.palette import GREY, SECOND
 from linkage_ros.settings.configuration import Linkage
-from linkage_ros.view.drawing import Drawing, free_ends
+from linkage_ros.view.picture import Picture, free_ends
 
 TIMELINE = 'ros2_timestamp'  # Rerun's name for the stamps in an MCAP log
 LINKAGE = 'linkage'
@@ -58,13 +58,13 @@ class RerunDrawing:
     """Converts samples of a linkage to rows for Rerun, in batches of any size.
 
     Attributes:
-        drawing: Drawing of the linkage.
+        drawing: Picture of the linkage.
     """
 
     def __init__(self, linkage: Linkage) -> None:
         mechanism, self._drive = linkage.mechanism, linkage.drive
         self._path, self._title = prefix_of(linkage.name), prefix_of(linkage.name, ': ')
-        self.drawing = Drawing(mechanism, self._drive.drawn_angle(mechanism))
+        self.drawing = Picture(mechanism, self._drive.drawn_angle(mechanism))
         turning, joints = self.drawing.turning, self.drawing.joints
         sliders = [joint for joint in joints if joint not in turning]
         self._turning, self._sliders = ([*map(joints.index, row)] for row in (turning, sliders))

@@ -8,7 +8,7 @@
 The last chart shows the torque error of a measured crank against the filter's bandwidth, for
 several encoder resolutions. A motor whose torque falls steeply with the speed turns the
 quadrilateral at 150 rpm. The encoder rounds the angle to 2^bits steps per turn; a speed sensor
-with the same number of bits and a range of +-300 rpm rounds the speed. `FollowMotion` receives
+with the same number of bits and a range of +-300 rpm rounds the speed. `TrackingFilter` receives
 1000 measurements per second.
 """
 
@@ -47,7 +47,7 @@ from linkage_lab.output import (
 from linkage_lab.reference.motions import InitialValueProblem
 from linkage_ros import Solver, load
 from linkage_ros.formulas import Array
-from linkage_ros.internals import FollowMotion, Motor, live_steps, radians_per_second
+from linkage_ros.internals import Motor, TrackingFilter, live_steps, radians_per_second
 from linkage_ros.palette import (
     BLACK,
     BLUE,
@@ -328,7 +328,7 @@ def _followed_torque(
         bandwidth: Bandwidth of the filter, Hz.
         measurements: Stamp, ns, angle, rad, and, if it is measured, velocity, rad/s.
     """
-    motion = FollowMotion(bandwidth, solver.reach.period_turns)
+    motion = TrackingFilter(bandwidth, solver.reach.period_turns)
     followed = [motion.at(stamp, angle, velocity) for stamp, angle, velocity in measurements]
     angle = np.concatenate([moment.q for moment in followed])
     velocity = np.concatenate([moment.u for moment in followed])

@@ -13,7 +13,7 @@ from matplotlib.patheffects import withStroke
 
 from linkage_lab.output import SMALL
 from linkage_ros.formulas import Array
-from linkage_ros.internals import Drawing
+from linkage_ros.internals import Picture
 from linkage_ros.palette import DARK, GREY, Color, fractions
 
 # Margin around the drawing, relative to its size; and at least, for names, inches.
@@ -32,7 +32,7 @@ NAME_STYLE: dict[str, Any] = {
 }  # fmt: skip
 
 
-def proportion(drawing: Drawing, positions: Array) -> float:
+def proportion(drawing: Picture, positions: Array) -> float:
     """Computes the ratio of width to height of the drawing of a mechanism.
 
     Args:
@@ -55,7 +55,7 @@ class LinkagePicture:
     def __init__(
         self,
         axes: Axes,
-        drawing: Drawing,
+        drawing: Picture,
         positions: Array,
         shown: Array,
         others: Sequence[Array] = (),

@@ -37,7 +37,7 @@ from linkage_lab.sampling import without_loads
 from linkage_ros import Force, Solver, Spring, State, UnreachableError, cli
 from linkage_ros.extensions import LOADS
 from linkage_ros.formulas import Array
-from linkage_ros.internals import FRAME, UNITS, Drawing, axes_of, radians_per_second
+from linkage_ros.internals import FRAME, UNITS, Picture, axes_of, radians_per_second
 from linkage_ros.palette import BLACK, DARK, GREY, Color, fractions
 from linkage_ros.quantities import leaves
 
@@ -88,9 +88,9 @@ class Sketched:
     path: Array | None = None
 
     @functools.cached_property
-    def drawing(self) -> Drawing:
+    def drawing(self) -> Picture:
         """The drawing of the mechanism."""
-        return Drawing(self.design.mechanism, self.place, units=self.unit)
+        return Picture(self.design.mechanism, self.place, units=self.unit)
 
     @property
     def positions(self) -> Array:
@@ -553,7 +553,7 @@ def _draw_loads(axes: Axes, sketched: Sketched) -> _Drawn:
             continue  # no load here
         # It is above the links and the guide, along which it may point, and below the pins.
         axes.plot(*arrow.T, color=fractions(BLACK), linewidth=2.0, zorder=2.5)
-        tail, tip = complex(*arrow[0]), complex(*arrow[Drawing.ARROW_TIP])
+        tail, tip = complex(*arrow[0]), complex(*arrow[Picture.ARROW_TIP])
         away = tail - tip if tail != tip else 1j
         load, on_link, _ = name.partition(' on ')
         word = load if on_link else f'on {name}'
@@ -655,7 +655,7 @@ def _pins(sketched: Sketched) -> tuple[Any, float]:
     return pins @ (1, 1j), _AT_PIN * float(np.ptp(pins, axis=0).max())
 
 
-def _ground_bars(drawing: Drawing) -> list['_Bar']:
+def _ground_bars(drawing: Picture) -> list['_Bar']:
     """Returns the lines from the first fixed pin to the others."""
     (start, *others), (first, *names) = drawing.pivots @ (1, 1j), drawing.pivot_names
     return [

@@ -20,7 +20,7 @@ from linkage_ros.messages.topics import MEASURED_JOINT_STATES, Topic
 from linkage_ros.motion.drives.base import Machine
 from linkage_ros.motion.drives.feed_forward import FeedForward
 from linkage_ros.motion.inputs import Input, Losses, UnnamedError
-from linkage_ros.motion.measured import FollowMotion, FollowSegment, Tracked, extrapolated
+from linkage_ros.motion.measured import FollowSegment, Tracked, TrackingFilter, extrapolated
 from linkage_ros.motion.segments import Coordinates, stacked
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, quantity
@@ -107,10 +107,10 @@ class MeasuredCrank(Input):
         """
         self._machine, self._joint = machine, JointReader(machine.crank)
         reach = machine.solver.reach
-        self._motion = FollowMotion(bandwidth, reach.period_turns)
+        self._motion = TrackingFilter(bandwidth, reach.period_turns)
         self._is_limited = not reach.turns_fully
         self._frame_joint, self._frame_reader = frame.read_by(), JointReader(frame.name)
-        self._frame = FollowMotion(bandwidth, 1) if frame.name else None
+        self._frame = TrackingFilter(bandwidth, 1) if frame.name else None
         self.rejected: Counter[str] = Counter()
         self._timeout = timeout
         self.resume()
@@ -125,6 +125,9 @@ class MeasuredCrank(Input):
         """Returns the stamp, ns, and the coordinates in a JointState; see `Input.read`.
 
         The time of receipt replaces the stamp if the message has none.
+
+        Raises:
+            ValueError: The message must be rejected.
         """
         before = self.tracked()
         stamp, measured = self.measure(data, received)
@@ -152,7 +155,7 @@ class MeasuredCrank(Input):
             self._frame.tracked = frame
 
     def stacked(self, found: Sequence[Coordinates]) -> tuple[Coordinates, Coordinates | None]:
-        """Stacks the coordinates of measurements, and those for the feed-forward torque, if any."""
+        """Stacks coordinates of measurements, and those for the feed-forward torque, if any."""
         if self._machine.lead is None:
             return stacked(found), None
         return stacked(found), stacked([*filter(None, map(self.later, found))])
@@ -194,7 +197,7 @@ class MeasuredCrank(Input):
             base = self._decode(data, self._frame_reader, self._frame_joint)
         except UnnamedError as error:
             raise ValueError(NO_FRAME) from error
-        cast('FollowMotion', self._frame).check(stamp, base.position, base.velocity)
+        cast('TrackingFilter', self._frame).check(stamp, base.position, base.velocity)
         return base
 
     def _decode(self, data: bytes, reader: JointReader, joint: RobotJoint) -> _Measured:

@@ -77,8 +77,8 @@ class _Guide(NamedTuple):
     spin: int | None
 
 
-class Drawing:
-    """Drawing of a mechanism.
+class Picture:
+    """Picture of a mechanism.
 
     Attributes:
         joints: Names of the joints, in the order of the links.
@@ -523,13 +523,13 @@ def free_ends(arrows: Array, pins: Array) -> Array:
     """Returns the end of each arrow that is farther from the pins, where its value fits.
 
     Args:
-        arrows: Arrows from `Drawing.loads`, shape (n, k, 2), m.
-        pins: Points from `Drawing.place`, shape (n, pins, 2), m.
+        arrows: Arrows from `Picture.loads`, shape (n, k, 2), m.
+        pins: Points from `Picture.place`, shape (n, pins, 2), m.
 
     Returns:
         The ends, shape (n, 2), m.
     """
-    ends = arrows[:, [0, Drawing.ARROW_TIP]]
+    ends = arrows[:, [0, Picture.ARROW_TIP]]
     far = np.linalg.norm(ends[:, :, np.newaxis] - pins[:, np.newaxis], axis=-1).min(axis=-1)
     return np.asarray(ends[np.arange(len(ends)), far.argmax(axis=1)])
 
