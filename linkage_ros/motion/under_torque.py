@@ -34,11 +34,6 @@ class Motor(Checked):
     """A motor whose torque decreases linearly with the crank speed.
 
     On a driven slide, it is a force that decreases with its rate.
-
-    Attributes:
-        torque: Torque at rest, N m, positive counter-clockwise; force on a driven slide,
-            N.
-        damping: Decrease in torque per unit of crank speed, N m s; N s/m for a slide.
     """
 
     torque: float = quantity(

@@ -11,19 +11,7 @@ from linkage_ros.settings.presets import DEFAULT_PRESET
 
 @dataclass(frozen=True)
 class ControllerSettings(Checked):
-    """The parameters of linkage_controller.
-
-    Attributes:
-        plant: Parameter file or preset of the controlled mechanism.
-        linkage: Name of the controlled linkage; empty for the only one.
-        rpm: Set crank speed, turns per minute.
-        bandwidth: Bandwidth of the speed loop, Hz.
-        feed_forward: Whether to add the exact torque.
-        lead_time: Delay from a measurement to the middle of the period in which its command acts,
-            s.
-        joint_prefix: Prefix of the plant's joint names; None to use the prefix in its parameter
-            file.
-    """
+    """The parameters of linkage_controller."""
 
     plant: str = quantity(
         'text', 'parameter file, or preset, of the controlled mechanism',

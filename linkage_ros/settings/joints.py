@@ -28,14 +28,7 @@ GROUP = 'joints'
 
 @dataclass(frozen=True)
 class JointSettings(Checked):
-    """The robot's joint of a link.
-
-    Attributes:
-        name: Name in messages; None for the own name, '' to publish none.
-        zero: Value of the linkage at which the joint is at 0, rad or m; None for 0.
-        ratio: Joint value per unit of the linkage; None for 1.
-        parent: Link from which the joint is measured; None for that of the open tree.
-    """
+    """The robot's joint of a link; what is None is that of the linkage's own joint."""
 
     name: str | None = quantity(
         'text', "the robot's name of the joint; '': not published", default=None

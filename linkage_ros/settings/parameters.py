@@ -37,12 +37,7 @@ VIEWERS = f'{SPAWN}, {WEB}, rerun+http://HOST:PORT/proxy or a .rrd path'
 
 @dataclass(frozen=True)
 class MechanismAndDrive(Checked):
-    """The kinds of mechanism and drive.
-
-    Attributes:
-        mechanism: A key of `MECHANISMS`.
-        drive: A key of `DRIVES`.
-    """
+    """The kinds of mechanism and drive, keys of `MECHANISMS` and `DRIVES`."""
 
     mechanism: str = quantity('choice', 'kind of mechanism', choices=MECHANISMS.keys())
     drive: str = quantity(
@@ -73,21 +68,8 @@ class MechanismAndDrive(Checked):
 class Session(Checked):
     """Settings for publishing, logging and viewing a run; those from joint_prefix on of a linkage.
 
-    Attributes:
-        linkages: Names of the linkages; None for one linkage without a name.
-        managed: Whether the node is a lifecycle node.
-        rate_hz: Number of states per second.
-        log: Path of the MCAP log; empty for no log.
-        log_overwrite: Whether an existing log or .rrd file may be replaced.
-        viewer: A value described by `VIEWERS`, which the view checks; empty for no viewer.
-        viewer_bind: Address on which the data of a spawned viewer or the web page is served.
-        joint_prefix: Prefix of all joint names in messages and all link names in the URDF.
-        crank_joint: Name of the driven joint in measurements, commands and trajectories; empty for
-            its name in the other messages.
-        frame_id: Name of the link that carries the fixed pivots, and frame of the messages.
-        plane: Where frame_id is on a robot; None if that is not known.
-        publish_description: Whether to publish robot_description; None to publish it unless the
-            robot's joints are given, because the robot has its own.
+    The view checks `viewer`. `plane` is where frame_id is on a robot; None if that is not known.
+    If a robot's joints are given, the robot has a robot_description of its own.
     """
 
     linkages: tuple[str, ...] | None = quantity(

@@ -18,11 +18,7 @@ _UNIT = 1e-6  # largest error of an axis that is taken as one of length 1, and a
 class Plane(Checked):
     """The axes of frame_id in a link of the robot, which launch files publish for tf.
 
-    Attributes:
-        link: The robot's link.
-        origin: Origin of frame_id in the axes of the link, m.
-        x: Direction of its x axis, of length 1.
-        y: Direction of its y axis, of length 1 and perpendicular to x.
+    The directions x and y have length 1, and are perpendicular.
     """
 
     link: str = quantity('text', "robot's link that carries frame_id", pattern='.+')

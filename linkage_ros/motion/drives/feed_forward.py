@@ -10,12 +10,7 @@ from linkage_ros.quantities import TOPIC_NAME, quantity
 
 @dataclass(frozen=True, kw_only=True)
 class FeedForward(Drive):
-    """A drive with a feed-forward torque for a controller.
-
-    Attributes:
-        effort_command_topic: Topic of the driving torque for a controller; empty for none.
-        lead_time: Time by which the torque is computed in advance of its stamp, s.
-    """
+    """A drive with a feed-forward torque for a controller."""
 
     effort_command_topic: str = quantity(
         'text', 'topic of the driving torque for a controller; empty: none',
@@ -29,12 +24,7 @@ class FeedForward(Drive):
 
 @dataclass(frozen=True, kw_only=True)
 class TrajectoryFeedForward(FeedForward):
-    """A drive that knows its motion in advance, with a trajectory for a controller.
-
-    Attributes:
-        trajectory_command_topic: Topic of the crank's trajectory for a controller; empty for none.
-        trajectory_horizon: Duration of each trajectory, s.
-    """
+    """A drive that knows its motion in advance, with a trajectory for a controller."""
 
     trajectory_command_topic: str = quantity(
         'text', "topic of the crank's motion and torque ahead of time; empty: none",

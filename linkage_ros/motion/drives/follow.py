@@ -38,14 +38,7 @@ NO_CRANK, NO_FRAME, NO_JOINT_STATE, OUT_OF_REACH = (
 
 @dataclass(frozen=True)
 class FrameJoint(Checked):
-    """The joint that turns base_link relative to the world.
-
-    Attributes:
-        name: Name in measurements; empty if base_link is at rest.
-        zero: Direction of base_link in the world when the joint is at 0, rad.
-        ratio: Joint value per rad of base_link, not 0.
-        pivot: The point of base_link on the joint's axis, m.
-    """
+    """The joint that turns base_link relative to the world."""
 
     name: str = quantity(
         'text', 'joint that turns base_link, measured in the same messages; empty: none',
@@ -268,15 +261,7 @@ class MeasuredCrank(Input):
 
 @dataclass(frozen=True)
 class FollowDrive(FeedForward):
-    """A measured crank that the other links follow.
-
-    Attributes:
-        follow_bandwidth: Bandwidth of the filter that estimates rates and accelerations, Hz; 0 to
-            set both to 0.
-        frame_joint: Joint that turns base_link, which is measured in the same way.
-        measurement_timeout: Time without a measurement after which a commanded torque ends, s; 0:
-            never.
-    """
+    """A measured crank that the other links follow; `frame_joint` may turn base_link."""
 
     segment, subject, is_measured = FollowSegment, 'measured {}', True
 

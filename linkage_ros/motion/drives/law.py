@@ -41,20 +41,7 @@ _ROUNDING = 8 * math.ulp(math.tau)  # relative tolerance of whole turns
 class Prescribed(Checked):
     """A law of motion: points, a CSV file with points, or a sine.
 
-    Attributes:
-        times: Times of the points, s, increasing from 0.
-        angles: Crank angles at the points, rad.
-        positions: Positions of a driven slide at the points, m.
-        speeds: Speeds at the points, rad/s or m/s; None for a spline.
-        accelerations: Accelerations at the points, rad/s^2 or m/s^2; only with `speeds`.
-        file: CSV file with these lists as columns. It is read on creation, after which this field
-            is empty.
-        spline: Spline through the points if no speeds are given.
-        repeat: Whether the law repeats after the last point.
-        center: Middle of a sine, rad or m.
-        amplitude: Amplitude of a sine, rad or m.
-        frequency: Frequency of a sine, Hz.
-        phase: Phase of a sine at t = 0, rad.
+    The file is read on creation, after which that field is empty.
     """
 
     times: tuple[float, ...] | None = quantity(
@@ -263,11 +250,7 @@ def _columns(path: str) -> dict[str, list[float]]:
 
 @dataclass(frozen=True)
 class LawDrive(TrajectoryFeedForward):
-    """A crank, cylinder or slider that follows a law of motion.
-
-    Attributes:
-        motion: The law.
-    """
+    """A crank, cylinder or slider that follows a law of motion."""
 
     segment, subject = LawSegment, '{} along a motion'
 

@@ -23,15 +23,7 @@ _STANDING_SECONDS = 10.0  # plotted at standstill
 
 @dataclass(frozen=True)
 class SpeedDrive(TrajectoryFeedForward):
-    """A drive that turns the crank at a set speed.
-
-    Attributes:
-        rpm: Set crank speed, turns per minute, positive counter-clockwise.
-        start_rpm: Speed at t = 0, turns per minute; None to start at `rpm`.
-        crank_acceleration: Acceleration at which the speed approaches `rpm`, rad/s^2; 0 for an
-            immediate change.
-        crank_angle: Crank angle at t = 0, rad.
-    """
+    """A drive that turns the crank at a set speed, from which it starts without `start_rpm`."""
 
     segment = SpeedSegment
 

@@ -36,12 +36,7 @@ _NO_LIMIT = 1e12  # default of torque_limit, N m or N
 class TorqueDrive(Drive):
     """A drive that applies a torque to the crank, or a force to a cylinder or slider.
 
-    Attributes:
-        motor: The motor; commanded torques are added to its torque.
-        start_rpm: Crank speed at t = 0, turns per minute.
-        crank_angle: Crank angle at t = 0, rad.
-        torque_limit: Magnitude to which commanded torques are clipped, N m or N.
-        command_timeout: Time for which a command acts, s; in a live run, at least a tick.
+    Commanded torques are added to that of the motor.
     """
 
     segment, subject, is_integrated = TorqueSegment, 'torque-driven {}', True
