@@ -71,10 +71,7 @@ class Bag:
     """
 
     def __init__(self, path: Path | str) -> None:
-        """Finds the files of a bag.
-
-        Args:
-            path: An MCAP file, or a folder that contains at least one.
+        """Finds the files of a bag: an MCAP file, or those in a folder.
 
         Raises:
             LogError: There is no MCAP file.

@@ -53,11 +53,7 @@ class LogFile:
     """
 
     def __init__(self, path: Path | str, *, overwrite: bool) -> None:
-        """Creates the file.
-
-        Args:
-            path: Path of the file.
-            overwrite: Whether to replace an existing log.
+        """Creates the file; `overwrite` replaces an existing log.
 
         Raises:
             LogError: The name does not end with .mcap, or the file exists and must not be

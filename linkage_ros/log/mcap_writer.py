@@ -81,13 +81,7 @@ class McapWriter:
     """
 
     def __init__(self, file: LogFile, profile: str, library: str) -> None:
-        """Writes the header.
-
-        Args:
-            file: The empty file.
-            profile: Profile of the contents, such as 'ros2'.
-            library: Name of the writing program.
-        """
+        """Writes the header, with the profile of the contents and the name of this program."""
         self._file, self._offset, self._checksum = file, 0, 0
         self.schemas, self.channels = dict[int, Schema](), dict[int, Channel]()
         self.statistics = Statistics(

@@ -137,9 +137,6 @@ class LogReader:
     def __init__(self, path: Path | str) -> None:
         """Reads the configuration, the motions and the index of a log.
 
-        Args:
-            path: Path of the log.
-
         Raises:
             LogError: The file is not a complete log of linkage_ros. The message states the reason.
         """

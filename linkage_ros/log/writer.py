@@ -67,17 +67,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
     def __init__(
         self, path: Path | str, configuration: Configuration | None, *, overwrite: bool
     ) -> None:
-        """Creates the file and writes the configuration of the run.
+        """Creates the file, as `LogFile` does, and writes the configuration of the run.
 
-        Args:
-            path: Path of the new file.
-            configuration: Configuration of the run; None for a recovered log,
-                to which the caller adds the record later, and `has_end` if the source has one.
-            overwrite: Whether to replace an existing log.
-
-        Raises:
-            LogError: The file exists and must not be replaced, is not an MCAP file, is being
-                written by another run, or cannot be created.
+        To a recovered log, the caller adds the configuration later, and sets `has_end` if the
+        source has an end.
         """
         self.file = LogFile(path, overwrite=overwrite)
         self.mcap = McapWriter(self.file, 'ros2', 'linkage_ros')

@@ -128,16 +128,11 @@ class Program:
         traced: bool = True,
         by_math: bool = False,
     ) -> None:
-        """Binds a formula to constants; the formula is traced on first use.
+        """Binds a formula, which returns nested tuples of numbers; it is traced on first use.
 
-        Args:
-            formula: Function of constants and arguments that returns nested tuples of numbers.
-            constants: The constants of the formula.
-            arguments: The names of the scalars in each argument.
-            traced: Whether to compile the formula; otherwise, it is called itself, on floats and
-                on arrays, so that a debugger can stop in it.
-            by_math: Whether to apply functions of `math` to arrays, element by element, so that
-                results are bit-identical to those of floats. NumPy's functions are faster.
+        If it is not `traced`, the formula itself is called, on floats and on arrays, so that a
+        debugger can stop in it. By `math`, functions are applied to arrays element by element, so
+        that results are bit-identical to those of floats; NumPy's functions are faster.
         """
         self.formula, self.constants, self.arguments = formula, constants, arguments
         self.names: list[str] = leaves(arguments)

@@ -182,13 +182,9 @@ class StateTemplates:
         effort_topic: str = '',
         every: Sequence[str] = ('',),
     ) -> None:
-        """Prepares the templates.
+        """Prepares the templates of states that hold some linkages of a run.
 
-        Args:
-            linkages: The linkages that the state holds.
-            frame_id: Frame of the messages of joints.
-            effort_topic: Topic of the feed-forward torques; empty without feed-forward.
-            every: Names of all linkages of the run, in the order of their efforts.
+        On the topic of feed-forward torques, if any, `every` linkage has an effort, in order.
         """
         joints = [joint for linkage in linkages for joint in linkage.joints]
         self.parts = {JOINT_STATES: joint_state(joints, frame_id)}

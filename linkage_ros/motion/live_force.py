@@ -28,14 +28,7 @@ class LiveForce(Input):
     """
 
     def __init__(self, load: Force, joint_prefix: str, frame_id: str, linkage: str = '') -> None:
-        """Initializes with the force of the parameters.
-
-        Args:
-            load: The load, with a `wrench_topic`.
-            joint_prefix: Prefix of the names of joints and links.
-            frame_id: Name of base_link.
-            linkage: Name of the linkage.
-        """
+        """Initializes with the force of a load that has a `wrench_topic`."""
         prefix = prefix_of(linkage, '.')
         self.name = load.name
         self.topic = WRENCHES._replace(

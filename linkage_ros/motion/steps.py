@@ -81,17 +81,14 @@ class FixedSteps:
         tolerance: float = TOLERANCE,
         trials: int = _TRIALS,
     ) -> None:
-        """Starts a motion.
+        """Starts a motion of a mechanism under its torque law.
 
         Args:
-            driven: The mechanism and its torque law.
+            driven: The mechanism.
             phase: Coordinates at the start, then their rates.
             longest: Largest length of a step, s.
             tolerance: Largest error of a step; see `runge_kutta.errors`.
             trials: Largest number of trials for each step.
-
-        Raises:
-            LinkageError: The motion cannot start; see `Solver.accelerations`.
         """
         self.time, self.tried = 0.0, 0
         self.phase, self.pairs = driven.wound(phase)

@@ -103,19 +103,10 @@ class TorqueMotion(Motion):
         integrate: Integrate = live_steps,
         conditions: Conditions = OWN_CONDITIONS,
     ) -> None:
-        """Starts a motion.
+        """Starts a motion from coordinates and rates at t = 0, of a given stamp, ns.
 
-        Args:
-            solver: Solver of the mechanism.
-            motor: The motor.
-            start: Coordinates and rates at t = 0.
-            stamp: Stamp of t = 0, ns.
-            period: Time between states, ns.
-            integrate: Function that creates the integrator.
-            conditions: Conditions at the start; `under` may change the values of its forces.
-
-        Raises:
-            LinkageError: The motion cannot start from the given coordinates and rates.
+        The period between states is in ns. `under` may change the values of the conditions'
+        forces.
         """
         self._solver, self._motor, self._command = solver, motor, 0.0
         self._period = period

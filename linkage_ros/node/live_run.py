@@ -76,11 +76,7 @@ class LiveRun:
     ) -> None:
         """Creates publishers and subscriptions, opens log and view, and compiles the programs.
 
-        Args:
-            node: Node of the publishers and subscriptions.
-            configuration: Configuration of the run.
-            diagnostics: Publisher of CDR bytes of diagnostics.
-            on_failure: Called if an error ends the motion, also from the thread of the ticks.
+        `on_failure` is called if an error ends the motion, also from the thread of the ticks.
 
         Raises:
             ConfigurationError: The configuration cannot run live.

@@ -123,15 +123,7 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
     """
 
     def __init__(self, name: str, **options: Any) -> None:
-        """Creates the node.
-
-        Args:
-            name: Name of the node.
-            options: Options of `rclpy.node.Node`.
-
-        Raises:
-            ConfigurationError: rclpy refuses a name or value of the command line.
-        """
+        """Creates the node, with the options of `rclpy.node.Node`."""
         with reported_as_configuration():
             super().__init__(name, **options)
         clock = self.resolve_topic_name(SIMULATED_CLOCK.name)
