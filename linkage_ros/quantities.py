@@ -313,31 +313,32 @@ def counted(number: int, noun: str) -> str:
     return f'{number} {noun}{"" if number == 1 else "s"}'
 
 
-def unknown_name(name: str, owner: str, valid: Collection[str], where: str) -> str:
-    """Returns the error message for an unknown name of a parameter, with what is valid instead.
+def unknown_name(name: str, owner: str, valid: Collection[str], where: str) -> tuple[str, str]:
+    """Returns the error message for an unknown name of a parameter, and what is meant or ''.
 
     Args:
         name: The unknown name.
         owner: Description of the object without such a parameter.
-        valid: The names of its parameters.
+        valid: The names of its parameters, in which NAME stands for any name.
         where: Command that lists them.
     """
     if single := _value_above(name, valid):
-        return f'{single} is one value, without names below it: write {single}: VALUE'
+        return f'{single} is one value, without names below it: write {single}: VALUE', single
     mistake, all_names = f'{shown(name)} is not a parameter of {owner}', f'{where} lists all'
     group, members = name, _below(name, valid)
     while group and not members:
         group = group.rpartition('.')[0]
         members = _below(group, valid)
     if members and group == name:
-        return f'{mistake}; write {name}: {{{members[0]}: ...}}; {all_names}'
-    if name.endswith('.weight') and 'mass' in members:
-        return f'{mistake}; give mass, in kg; {all_names}'
+        words = f'{mistake}; write {name}: {{{members[0]}: ...}}; {all_names}'
+        return words, f'{name}.{members[0]}'
     meant = _resembling_parameter(name, valid)
+    if name.endswith('.weight') and 'mass' in members:
+        return f'{mistake}; give mass, in kg; {all_names}', meant
     if meant not in {'', name}:
-        return f'{mistake}; did you mean {meant}?'
+        return f'{mistake}; did you mean {meant}?', meant
     hint = f'; {group} has {", ".join(members)}' if members else ''
-    return f'{mistake}{hint}; {all_names}'
+    return f'{mistake}{hint}; {all_names}', meant
 
 
 def _below(group: str, valid: Iterable[str]) -> list[str]:
@@ -374,19 +375,6 @@ def _resembling_parameter(name: str, valid: Iterable[str]) -> str:
     if all(meant_parts):
         return '.'.join(meant_parts)
     return '' if '.' in name else resembling(name, valid)
-
-
-def meant_parameter(name: str, valid: Iterable[str]) -> str:
-    """Returns the parameter or group of parameters that is meant by an unknown name, or ''.
-
-    NAME in a valid name stands for any name.
-    """
-    below = _below(name, valid)
-    return (
-        _value_above(name, valid)
-        or ''.join(f'{name}.{part}' for part in below[:1])
-        or _resembling_parameter(name, valid)
-    )
 
 
 # Pattern of the name of a topic, which may be empty.

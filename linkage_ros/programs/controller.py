@@ -84,7 +84,8 @@ class ControllerNode(ParameterNode):
         names = [leaf.name for leaf in PARAMETERS]
         for name in given:
             if name not in names:
-                raise ConfigurationError(unknown_name(name, _NAME, names, f'{_NAME} --help'))
+                words, _ = unknown_name(name, _NAME, names, f'{_NAME} --help')
+                raise ConfigurationError(words)
         settings = build(ControllerSettings, given)
         with in_file(settings.plant):
             plant = load(settings.plant).linkage(settings.linkage)

@@ -34,7 +34,6 @@ from linkage_ros.quantities import (
     build,
     flatten,
     leaves,
-    meant_parameter,
     shown,
     unknown_name,
 )
@@ -566,8 +565,7 @@ def _not_a_parameter(
     if words := _others_with(name if has_group else group, kind, given):
         return f'{mistake}: {words}', ''
     every = [*valid, *every]
-    words = unknown_name(name, owner, every, 'linkage_record --help-parameters')
-    return words, meant_parameter(name, every)
+    return unknown_name(name, owner, every, 'linkage_record --help-parameters')
 
 
 def _others_with(name: str, kind: MechanismAndDrive, given: Mapping[str, object]) -> str:
