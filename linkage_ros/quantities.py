@@ -413,13 +413,13 @@ def groups(base: type, kinds: Mapping[str, Any]) -> Any:
     return dataclasses.field(default=(), metadata={'quantity': _Group(base, kinds)})
 
 
-def named(kind: str, meaning: str, unit: str = '', **options: Any) -> Any:
+def named(kind: str, meaning: str, **options: Any) -> Any:
     """Declares a dataclass field for a mapping from names to values of one quantity.
 
     In parameters, the name of a value is that of the field, a dot, and its own. The arguments are
     those of `quantity`.
     """
-    value = quantity(kind, meaning, unit, **options).metadata['quantity']
+    value = quantity(kind, meaning, **options).metadata['quantity']
     return dataclasses.field(default_factory=dict, metadata={'quantity': _Named(value)})
 
 
