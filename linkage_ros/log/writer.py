@@ -67,10 +67,13 @@ class LogWriter(AbstractContextManager['LogWriter']):
     def __init__(
         self, path: Path | str, configuration: Configuration | None, *, overwrite: bool
     ) -> None:
-        """Creates the file, as `LogFile` does, and writes the configuration of the run.
+        """Creates the file and writes the configuration of the run.
 
         To a recovered log, the caller adds the configuration later, and sets `has_end` if the
         source has an end.
+
+        Raises:
+            LogError: The file cannot be created or written.
         """
         self.file = LogFile(path, overwrite=overwrite)
         self.mcap = McapWriter(self.file, 'ros2', 'linkage_ros')
