@@ -450,7 +450,7 @@ class LiveRun:
         topics = drive.effort_command_topic, drive.trajectory_command_topic
         try:
             self._torque.end_for_good(cause)
-            wait_for_delivery(self._publisher_of[name] for name in topics if name)
+            wait_for_delivery([self._publisher_of[name] for name in topics if name])
         except RuntimeError as error:  # RCLError, which has no public name
             words = one_line(str(error))
             self._node.get_logger().fatal(f'a torque of 0 cannot be sent: {words}')
