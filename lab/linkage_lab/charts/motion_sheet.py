@@ -211,22 +211,24 @@ def _table(drawn: Sequence[Panel], others: Sequence[Panel], period: Period) -> l
         for curve, extent in zip(panel.curves, panel.measured(), strict=True):
             name = panel.heading if is_one_line else f'  {_short(curve.name)}'
             sample = None if panel in others else curve
-            entries.append((name, sample, _numbers(period, extent)))
+            entries.append((name, sample, _numbers(period, extent, curve.unit)))
     if not entries:
         return []
     wide = max(len(name) for name, _, numbers in entries if numbers)
     at = f'at {period.across.unit}'
-    heading = f'{"":<{wide}}{"min":>10}{at:>7}{"max":>10}{at:>7}{"rms":>10}'
+    rms = 'rms' if any(numbers[-1:].strip() for _, _, numbers in entries) else ''
+    heading = f'{"":<{wide}}{"min":>10}{at:>7}{"max":>10}{at:>7}{rms:>10}'
     rows = [_Row(f'{name:<{wide}}{numbers}', curve) for name, curve, numbers in entries]
     return [_Row(heading), *rows]
 
 
-def _numbers(period: Period, found: Extent) -> str:
-    """Writes extreme values with their places, and the rms."""
+def _numbers(period: Period, found: Extent, unit: str) -> str:
+    """Writes extreme values with their places, and the rms, which a place does not have."""
     scale, digits = period.across.scale, f'>7.{1 if period.across.unit == "deg" else 3}f'
+    rms = '' if unit in {'deg', 'm'} else rounded(found.rms)
     return (
         f'{rounded(found.low):>10}{scale * found.low_at:{digits}}'
-        f'{rounded(found.high):>10}{scale * found.high_at:{digits}}{rounded(found.rms):>10}'
+        f'{rounded(found.high):>10}{scale * found.high_at:{digits}}{rms:>10}'
     )
 
 
