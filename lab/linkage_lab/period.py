@@ -183,7 +183,8 @@ class Period:
     @functools.cached_property
     def drawing(self) -> Picture:
         """Picture of the mechanism, on the arc of the first crank angle."""
-        return Picture(self.solver.mechanism, float(self.crank[0]))
+        mechanism = self.solver.mechanism
+        return Picture(mechanism, float(self.crank[0]), units=length_unit(mechanism))
 
     def with_gaps(self) -> dict[str, Column]:
         """Returns the columns, with NaN where they have no value."""
@@ -270,6 +271,14 @@ class Period:
     def add(self, name: str, unit: str, values: Any) -> None:
         """Adds a column, or one for each component of a vector."""
         self.columns |= _columns(name, unit, values, len(self.crank))
+
+
+def length_unit(mechanism: Mechanism) -> str:
+    """Returns the unit of lengths in a picture: that of the drawing, or mm below 1 m."""
+    if mechanism.drawn:
+        return mechanism.drawn.units
+    longest = max(abs(getattr(part, 'length', 0.0)) for part in mechanism.parts().values())
+    return 'mm' if longest < 1 else 'm'
 
 
 def _effort(driven: Any) -> str:

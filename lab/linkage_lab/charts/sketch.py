@@ -32,7 +32,7 @@ from linkage_lab.output import (
     rounded,
     write_title,
 )
-from linkage_lab.period import Period, law_samples
+from linkage_lab.period import Period, law_samples, length_unit
 from linkage_lab.sampling import without_loads
 from linkage_ros import Force, Solver, Spring, State, UnreachableError, cli
 from linkage_ros.extensions import LOADS
@@ -75,7 +75,6 @@ class Sketched:
         solver: Solver of the mechanism without loads, which do not change the motion.
         place: Position of the driven joint, rad or m.
         state: The state there, at the speed of the file.
-        unit: Unit of lengths, that of the drawing: 'm', 'mm', 'cm' or 'in'.
         path: Positions of the links along the paths of the pins, rad and m, shape (n, links); None
             for all that they can reach.
     """
@@ -84,8 +83,12 @@ class Sketched:
     solver: Solver
     place: float
     state: State
-    unit: str
     path: Array | None = None
+
+    @property
+    def unit(self) -> str:
+        """Unit of lengths: 'm', 'mm', 'cm' or 'in'."""
+        return length_unit(self.design.mechanism)
 
     @functools.cached_property
     def drawing(self) -> Picture:
@@ -170,7 +173,7 @@ def sketch_of(design: Any, at: float | None = None) -> Sketched:
     place = _default_place(design, solver) if at is None else at
     rpm = 0.0 if driven.slides else getattr(design.drive, 'rpm', 0.0)
     state = solver.state((place, *positions), (radians_per_second(rpm), *rates))
-    return Sketched(design, solver, place, state, _unit(design), _path_of_law(design, solver))
+    return Sketched(design, solver, place, state, _path_of_law(design, solver))
 
 
 def _path_of_law(design: Any, solver: Solver) -> Array | None:
@@ -202,23 +205,11 @@ def sketch_at(design: Any, period: Period, now: int) -> Sketched:
     velocity, acceleration = (tuple(row[now].tolist()) for row in rates)
     state = State(tuple(path[now].tolist()), velocity, acceleration, 0.0)
     solver = without_loads(period.solver)
-    return Sketched(design, solver, float(period.crank[now]), state, _unit(design), path)
-
-
-def _unit(design: Any) -> str:
-    """Returns the unit of lengths in a sketch."""
-    given = getattr(getattr(design.drawn_mechanism, 'drawing', None), 'units', '')
-    longest = max(map(abs, _lengths(design.mechanism)))
-    return given or ('mm' if longest < 1 else 'm')
+    return Sketched(design, solver, float(period.crank[now]), state, path)
 
 
 def _drawn_at(design: Any) -> float | None:
     return design.mechanism.drawn.position if design.mechanism.drawn else None
-
-
-def _lengths(mechanism: Any) -> list[float]:
-    parts = mechanism.parts().values()
-    return [getattr(part, 'length', 0.0) for part in parts]
 
 
 # ---------------------------------------------------------------- words
