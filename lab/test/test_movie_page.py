@@ -11,11 +11,12 @@ import browser
 import numpy as np
 import pytest
 from mechanisms import FOLLOWED, load_values
+from PIL import Image
 from ros_harness import wait_for
 from test_sketch import SPRING
 
 from linkage_lab import command_line
-from linkage_lab.charts.movie import _DPI, _layout
+from linkage_lab.charts.movie import _DPI, _layout, _save_gif
 from linkage_ros import Solver
 from linkage_ros.settings.configuration import load
 from linkage_ros.settings.presets import preset_names
@@ -170,11 +171,24 @@ def test_springs_and_their_pins_are_drawn(tmp_path, called):
     assert len(base64.b64decode(data['places'])) == 4 * points * len(data['time'])
 
 
+def test_film_has_the_colours_of_links_that_its_first_picture_hides(tmp_path):
+    pictures = [Image.new('RGB', (60, 40), 'white') for _ in range(40)]
+    for picture in pictures[5:]:
+        picture.paste((213, 94, 0), (10, 10, 30, 14))
+    _save_gif(iter(pictures), tmp_path / 'made.gif')
+    with Image.open(tmp_path / 'made.gif') as made:
+        made.seek(1)
+        assert made.convert('RGB').getpixel((20, 12)) == pytest.approx((213, 94, 0), abs=3)
+        assert made.convert('RGB').getpixel((0, 0)) == (255, 255, 255)
+
+
 @pytest.mark.parametrize('ratio', [0.3, 1.0, 1.5, 2.1, 4.0, 30.0])
 def test_film_has_even_pixels_and_room_for_the_linkage(ratio):
-    size, *places = _layout(ratio)
-    rows = size[1] * _DPI
-    assert rows == pytest.approx(2 * round(rows / 2))
+    for has_diagram in (False, True):
+        size, places = _layout(ratio, has_diagram=has_diagram)
+        rows = size[1] * _DPI
+        assert rows == pytest.approx(2 * round(rows / 2))
+        assert len(places) == 1 + has_diagram
     (left, bottom, width, height), (x, y, wide, high) = places
     assert y + high < bottom or left + width < x
     assert max(left + width, bottom + height, x + wide, y + high) < 1.0

@@ -35,6 +35,7 @@ _SIDE_BY_SIDE = (0.02, 0.06, 0.5, 0.78), (0.62, 0.16, 0.35, 0.66)
 # The linkage is above the torque from this ratio of its width to its height; inches: the linkage,
 # at least and at most, the title above it, the torque, and the margin below this.
 _BROAD, _LOW, _HIGH, _TITLE, _TORQUE, _FOOT = 1.4, 2.2, 3.6, 0.65, 1.7, 0.6
+_PALETTE_STEP = 15  # a GIF has the colours of each 15th picture
 _NEARLY_WHITE = 252  # of 255
 _APART = 12.0  # of the name of a spring, points
 _PACES = 4  # slower, and faster, playing speeds on a page
@@ -104,10 +105,12 @@ def _slower(pace: float) -> str:
 
 
 def _film(design: Any, period: Period, name: str, words: str) -> Iterator[Image.Image]:
-    """Yields pictures of the moving mechanism, and its torque up to the current crank angle."""
+    """Yields pictures of the moving mechanism, and its torque, if any, up to the crank angle."""
     samples, positions = _frames(period), period.rows('position')
+    has_effort = bool(period.columns[period.effort].values.any())
     with rc_context(STYLE):
-        size, linkage_place, diagram_place = _layout(proportion(period.drawing, positions))
+        ratio = proportion(period.drawing, positions)
+        size, (linkage_place, *diagram_places) = _layout(ratio, has_diagram=has_effort)
         figure = Figure(figsize=size, dpi=_DPI)
         canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
         figure.text(0.02, 1 - 0.25 / size[1], name, weight='bold', fontsize=TEXT)
@@ -115,9 +118,10 @@ def _film(design: Any, period: Period, name: str, words: str) -> Iterator[Image.
         linkage = figure.add_axes(linkage_place)
         springs = _Springs(linkage, design, period)
         picture = LinkagePicture(linkage, period.drawing, positions, positions[samples])
-        diagram = _Diagram(figure.add_axes(diagram_place), period)
+        diagrams = [_Diagram(figure.add_axes(place), period) for place in diagram_places]
         # Only what moves is drawn again for each picture.
-        moving = [*springs.moving, *picture.moving, *diagram.moving]
+        moving = [*springs.moving, *picture.moving]
+        moving += [artist for diagram in diagrams for artist in diagram.moving]
         for artist in moving:
             artist.set_animated(True)
         canvas.draw()
@@ -126,27 +130,31 @@ def _film(design: Any, period: Period, name: str, words: str) -> Iterator[Image.
             canvas.restore_region(background)
             springs.move(sample)
             picture.move(positions[sample])
-            diagram.move(sample)
+            for diagram in diagrams:
+                diagram.move(sample)
             for artist in moving:
                 figure.draw_artist(artist)
             yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
 
 
-def _layout(ratio: float) -> tuple[tuple[float, float], Any, Any]:
+def _layout(ratio: float, *, has_diagram: bool) -> tuple[tuple[float, float], list[Any]]:
     """Returns the size of a film, inches, and its axes of linkage and torque, as shares of it.
 
     Args:
         ratio: Ratio of width to height of the linkage.
+        has_diagram: Whether there are axes of the torque.
     """
-    if ratio < _BROAD:
-        return _SIZE, *_SIDE_BY_SIDE
+    if ratio < _BROAD and has_diagram:
+        return _SIZE, [*_SIDE_BY_SIDE]
     wide, share = _SIZE[0], 0.92
     linkage = min(max(share * wide / ratio, _LOW), _HIGH)
-    below = _FOOT + _TORQUE + 0.35  # with the title of the torque
+    below = _FOOT + _TORQUE + 0.35 if has_diagram else 0.1  # with the title of the torque
     pair = 2 / _DPI  # an MP4 has an even number of rows
     high = pair * round((below + linkage + _TITLE) / pair)
-    places = (0.04, below / high, share, linkage / high), (0.1, _FOOT / high, 0.87, _TORQUE / high)
-    return (wide, high), *places
+    places = [(0.04, below / high, share, linkage / high)]
+    if has_diagram:
+        places.append((0.1, _FOOT / high, 0.87, _TORQUE / high))
+    return (wide, high), places
 
 
 class _Diagram:
@@ -203,12 +211,15 @@ class _Springs:
 
 
 def _save_gif(pictures: Iterator[Image.Image], path: Path) -> None:
-    """Saves an animation with the colours of its first picture."""
-    first = next(pictures).quantize(method=Image.Quantize.FASTOCTREE)
+    """Saves an animation with the colours of some of its pictures."""
+    # In one picture, a link may hide another.
+    all_pictures = [*pictures]
+    some = np.concatenate([np.asarray(picture) for picture in all_pictures[::_PALETTE_STEP]])
+    colors = Image.fromarray(some).quantize(method=Image.Quantize.FASTOCTREE)
     # A palette colour is the mean of similar ones: that of white and others is not white.
-    palette = first.getpalette() or ()
-    first.putpalette([255 if part > _NEARLY_WHITE else part for part in palette])
-    others = [picture.quantize(palette=first, dither=Image.Dither.NONE) for picture in pictures]
+    palette = colors.getpalette() or ()
+    colors.putpalette([255 if part > _NEARLY_WHITE else part for part in palette])
+    first, *others = (x.quantize(palette=colors, dither=Image.Dither.NONE) for x in all_pictures)
     first.save(
         path, format='GIF', save_all=True, append_images=others, duration=1000 // _RATE, loop=0
     )
