@@ -10,6 +10,7 @@ import math
 import os
 import platform
 import re
+import textwrap
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -163,6 +164,13 @@ class Stopwatch:
 def rounded(value: float) -> str:
     """Writes a number with four significant digits, below ten millions without an exponent."""
     return f'{float(f"{value:.4g}") + 0.0:.7g}'
+
+
+def wrapped(text: str, width: int, indent: str = '') -> list[str]:
+    """Wraps text, with an indent before further lines; keeps numbers and units together."""
+    bound = re.sub(r'(?<=\d) (?=[a-zA-Z])|(?<=kg) (?=m)|(?<=N) (?=m)', '\N{NO-BREAK SPACE}', text)
+    lines = textwrap.wrap(bound, width, subsequent_indent=indent)
+    return [line.replace('\N{NO-BREAK SPACE}', ' ') for line in lines]
 
 
 def in_degrees(angle: float) -> str:

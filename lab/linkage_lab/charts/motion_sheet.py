@@ -4,7 +4,6 @@
 
 import argparse
 import math
-import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -30,6 +29,7 @@ from linkage_lab.output import (
     over,
     rounded,
     shown_range,
+    wrapped,
     write_title,
 )
 from linkage_lab.period import Extent, Period
@@ -111,7 +111,7 @@ def draw_sheet(
     sketched = next(iter(sketches.values()))
     is_wide = proportion(sketched.drawing, first.rows('position')) > WIDE
     above = is_comparison or is_wide
-    notes = [part for line in lines for part in _wrapped(line, 44 if above else 60)]
+    notes = [part for line in lines for part in wrapped(line, 44 if above else 60)]
     least = _SKETCH
     if above:
         least = _ABOVE + 0.4 if is_comparison else _ABOVE
@@ -193,12 +193,6 @@ def _constant(panel: Panel) -> str:
         values = [f'{name} {value}' for name, value in zip(names, values, strict=True)]
     title = panel.title[0].lower() + panel.title[1:]
     return f'constant: {title} {", ".join(values)} {panel.curves[0].unit}'
-
-
-def _wrapped(text: str, width: int) -> list[str]:
-    """Wraps text; keeps numbers and units together."""
-    bound = re.sub(r'(?<=\d) (?=[a-zA-Z])|(?<=N) (?=m)', '\N{NO-BREAK SPACE}', text)
-    return [line.replace('\N{NO-BREAK SPACE}', ' ') for line in textwrap.wrap(bound, width)]
 
 
 def _table(drawn: Sequence[Panel], others: Sequence[Panel], period: Period) -> list[_Row]:

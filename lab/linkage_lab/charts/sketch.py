@@ -8,7 +8,6 @@ import contextlib
 import functools
 import itertools
 import math
-import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -30,6 +29,7 @@ from linkage_lab.output import (
     name_of,
     pictures,
     rounded,
+    wrapped,
     write_title,
 )
 from linkage_lab.period import Period, law_samples, length_unit
@@ -142,8 +142,7 @@ def sketch(options: argparse.Namespace) -> None:
     lines = [*describe(sketched)]
     files = pictures(options, f'{name}_sketch')
     cli.print_notes(notes)
-    wrap = functools.partial(textwrap.wrap, width=_CHARACTERS, subsequent_indent='    ')
-    written = [*itertools.chain(*map(wrap, lines))]
+    written = [part for line in lines for part in wrapped(line, _CHARACTERS, '    ')]
     height = _ROOM + HIGH + _LINE * len(written) + 0.15
     with chart(files, height, layout=None) as figure:
         write_title(figure, name)
