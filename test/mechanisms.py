@@ -342,7 +342,7 @@ ALL = {
         for (name, x), way in zip(CYLINDERS.items(), 2 * ASSEMBLIES, strict=True)
     },
     **DRIVEN_SLIDERS,
-    **MOVING_GUIDES,
+    **{name: traced(x) for name, x in MOVING_GUIDES.items()},
 }
 
 

@@ -2,13 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inverted slider-crank: limits of the crank, refusals, drives, and joints of a robot."""
 
-import math
-
-import numpy as np
 import pytest
-from mechanisms import cylinder, load_values, worst_errors
+from mechanisms import cylinder, worst_errors
 from oracle import oracle_of
-from ros_harness import verified
 
 from linkage_ros import (
     ConfigurationError,
@@ -16,9 +12,7 @@ from linkage_ros import (
     MechanismError,
     Solver,
     UnreachableError,
-    read_log,
 )
-from linkage_ros.programs.record import record
 from linkage_ros.settings.configuration import configure, load
 
 SHAPER = {
@@ -108,51 +102,3 @@ def test_gas_needs_a_crank_that_turns_fully():
     shaper(**limited)
     with pytest.raises(ConfigurationError, match='no stroke with fixed ends'):
         shaper(**limited, **values)
-
-
-def test_the_gas_above_a_short_cylinder_pushes_it_longer():
-    gas = {'kind': 'gas', 'link': 'rod', 'bore': 0.1, 'clearance': 0.1, 'inlet': 2e5}
-    solver = Solver(shaper(**{f'loads.gas.{name}': x for name, x in gas.items()}).mechanism)
-    state = solver.state(-math.pi / 2)
-    assert state.position[2] == pytest.approx(0.18)
-    expected = math.pi / 4 * 0.1**2 * (2e5 * (0.34 / 0.1) ** 1.4 - 1.013e5)
-    assert solver.load_forces(state)['rod'] == pytest.approx(expected)
-
-
-@pytest.mark.parametrize(
-    'values',
-    [
-        {'joints.rod.name': 'block', 'joints.rod.zero': 0.3, 'joints.rod.ratio': -2.0},
-        {**load_values('friction', pin=0.1, pin_radius=0.02, guide=0.1), 'offset': 0.05},
-    ],
-)
-def test_records_verify(values, tmp_path):
-    record(shaper(**values), tmp_path / 'run.mcap', duration=2.0)
-    verified(tmp_path / 'run.mcap')
-
-
-def test_joints_of_a_robot_measure_the_rod_in_its_barrel(tmp_path):
-    record(shaper(**{'joints.rod.zero': 0.3, 'joints.rod.ratio': -2.0}), tmp_path / 'a.mcap',
-           duration=1.0)  # fmt: skip
-    record(shaper(), tmp_path / 'b.mcap', duration=1.0)
-    mapped, own = (read_log(str(tmp_path / name)) for name in ('a.mcap', 'b.mcap'))
-    (mapped, own) = (next(x for x in log.values() if 'rod.position' in x) for log in (mapped, own))
-    np.testing.assert_allclose(mapped['rod.position'], -2 * (own['rod.position'] - 0.3))
-    np.testing.assert_array_equal(mapped['barrel.position'], own['barrel.position'])
-
-
-def test_side_force_and_moment_carry_a_weight_of_the_rod_beside_its_pin():
-    """At rest, with a massless crank, a level cylinder holds the rod's weight."""
-    config = shaper(
-        frame__angle=0.0, crank__mass=0.0, crank__inertia=0.0, barrel__mass=0.0,
-        rod__mass=2.0, rod__center=[-0.1, 0.0],
-    )  # fmt: skip
-    solver = Solver(config.mechanism)
-    found = solver.reactions(solver.state(math.pi))
-    weight = 2.0 * 9.81
-    # Moments about B0: the pin carries weight x (s - 0.1) / s.
-    s = 0.42
-    # The barrel points to -x, so that its left is downwards.
-    assert found.pins['A'].y == pytest.approx(weight * (s - 0.1) / s)
-    assert found.guides['rod'].force == pytest.approx(-weight * 0.1 / s)
-    assert found.guides['rod'].moment == pytest.approx(weight * 0.1)

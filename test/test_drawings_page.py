@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from pages import page_files, read
 
-from linkage_lab.period import law_period
 from linkage_ros import Solver, load, travel
 from linkage_ros.internals import make_urdf
 from linkage_ros.settings.notes import notes
@@ -142,19 +141,6 @@ def test_a_pantograph_enlarges(machine):
     assert abs(speed - 2.5 * slow).max() < 1e-15
 
 
-def test_a_scissor_table_rises_level_and_its_cylinder_does_the_work(machine):
-    solver = Solver(machine('scissors').mechanism)
-    ram = np.linspace(0.475, 0.595, 50)
-    state = solver.state(ram, 0.01)
-    # The triangle of O, G and K: sides 0.3 m, 0.75 m and the cylinder.
-    angle = np.arccos((0.3**2 + 0.75**2 - ram**2) / (2 * 0.3 * 0.75))
-    height = np.sin(angle)
-    assert np.allclose(solver.point(state, 'T').position.y, height, rtol=1e-13)
-    assert abs(state['table'].position).max() < 1e-14
-    rise = np.cos(angle) * ram / (0.3 * 0.75 * np.sin(angle))  # d height / d ram
-    assert np.allclose(solver.state(ram).torque, (2000 + 30 * 9.81) * rise, rtol=1e-12)
-
-
 def test_the_pistons_of_a_v_twin_and_its_balance(machine):
     solver = Solver(machine('v_twin').mechanism)
     speed = 100 * math.pi
@@ -171,46 +157,3 @@ def test_the_pistons_of_a_v_twin_and_its_balance(machine):
         assert abs((shaking * np.exp(-1j * order * TURN)).mean()) < 1e-12 * unbalanced
     # The second harmonic is sqrt(2) x mass x r x speed^2 x r / l, but for terms in (r / l)^3.
     assert math.isclose(abs(shaking).max(), math.sqrt(2) / 4 * unbalanced, rel_tol=0.02)
-
-
-def test_the_spring_of_a_suspension(machine):
-    configuration = machine('suspension')
-    solver = Solver(configuration.mechanism)
-    period = law_period(solver, configuration.drive)
-    columns = {name: column.values for name, column in period.columns.items()}
-    angle, step = columns['swingarm.direction'], 1e-6
-
-    def length(angle):
-        pin = abs(-150 + 20j) * np.exp(1j * angle)
-        k, d = -60 + 140j, -130 + 120j
-        e = k + (meet(pin, abs(20 + 100j), k, abs(d - k), 1) - k) * (-90 + 190j - k) / (d - k)
-        return abs(110 + 215j - e) / 1000
-
-    leverage = (length(angle + step) - length(angle - step)) / (2 * step)
-    rate = leverage * columns['swingarm.angular_velocity']
-    assert np.allclose(columns['spring.length'], length(angle), rtol=1e-12)
-    assert np.allclose(columns['spring.leverage'], leverage, rtol=1e-8)
-    assert np.allclose(columns['spring.length_rate'], rate, rtol=0, atol=1e-9)
-    tension = 90000 * (length(angle) - 0.22) + 4000 * rate
-    assert np.allclose(columns['spring.tension'], tension, rtol=0, atol=1e-4)
-    force = np.hypot(columns['spring.force.x'], columns['spring.force.y'])
-    assert np.allclose(force, abs(columns['spring.tension']), rtol=1e-11)
-
-
-def test_the_bucket_and_the_force_of_its_cylinder(machine):
-    mechanism = machine('bucket').mechanism
-    solver = Solver(mechanism)
-    ram = np.linspace(1.3, 1.7, 40)
-
-    def teeth(ram):
-        g, l, h, c, d = -1.9 + 0.45j, -0.42 + 0.03j, 0j, -0.4 + 0.55j, 0.1 + 0.4j
-        pin = meet(g, ram, l, abs(c - l), 1)
-        joint = meet(pin, abs(d - c), h, abs(d), 1)
-        return joint / d * (0.7 - 1j) - l, joint / d * (0.35 - 0.4j) - l
-
-    place, _ = path_of(solver, ram, 'teeth')
-    assert abs(place - teeth(ram)[0]).max() < 1e-13
-    step = 1e-6
-    (tip, center), (before, low) = teeth(ram + step), teeth(ram - step)
-    work = 30000 * (tip - before).real - 450 * 9.81 * (center - low).imag
-    assert np.allclose(solver.state(ram).torque, -work / (2 * step), rtol=1e-7)

@@ -109,43 +109,6 @@ def test_random_sliders(lengths, assembly, exponent, places):
     assert max(force_errors(solver, [0.4, *places])) < 1e-11
 
 
-@pytest.mark.parametrize('lengths', [(1, 2.5, 0), (1, 2.2, -0.7), (3, 1, 0.5), (2, 2.5, 1)])
-@pytest.mark.parametrize('way', ASSEMBLIES)
-def test_it_is_the_machine_of_a_driven_crank(lengths, way):
-    """With the same motion, the drive has the same power, and its force loads other links."""
-    turning = slider_crank(lengths, assembly=way)
-    by_crank = Solver(turning)
-    low, high = by_crank.reach.arcs[0]
-    due = by_crank.state(float(wrap(mp.mpf(0.2 * low + 0.8 * high))), 2.0, 1.5)
-    rows = [row[2] for row in due[:3]]
-    side = math.sin(due.position[0] - due.position[1])
-    by_slide = Solver(replace(turning, input='slider', assembly='open' if side > 0 else 'crossed'))
-    found = by_slide.state(*rows)
-    for row, other in zip(found[:3], due[:3], strict=True):
-        assert row == pytest.approx(other, rel=1e-10)
-    assert found.torque * rows[1] == pytest.approx(due.torque * 2.0, rel=1e-10)
-    mine, its = by_slide.reactions(found), by_crank.reactions(due)
-    assert mine.shaking_force == pytest.approx(its.shaking_force, rel=1e-10)
-    assert mine.shaking_moment == pytest.approx(its.shaking_moment, rel=1e-10)
-    # The crank's torque no longer passes the pin A; the moment about A0 is that of its own masses.
-    assert mine.pins['A'] != pytest.approx(its.pins['A'], rel=0.01)
-
-
-def test_a_toggle_multiplies_the_force_of_its_ram():
-    """A force F across the crank pin of two equal links at the angle a holds F cot(a) / 2."""
-    config = configure(
-        RAM | {'drive': 'torque', 'crank_angle': math.radians(-75), 'gravity': [0.0, 0.0],
-               'coupler.length': 0.2, 'slider.offset': 0.0}
-        | load_values('force', link='crank', at=[0.2, 0.0], force=[-100.0, 0.0])
-    )  # fmt: skip
-    solver = Solver(config.mechanism)
-    a = math.radians(15.0)
-    state = solver.state(2 * 0.2 * math.cos(a))
-    assert state.position[0] == pytest.approx(math.radians(-75))
-    assert state.torque == pytest.approx(-50.0 / math.tan(a))
-    assert solver.reactions(state).shaking_force == pytest.approx((-100.0, 0.0))
-
-
 @pytest.mark.parametrize(
     ('values', 'place'),
     [

@@ -10,7 +10,7 @@ derivatives are taken numerically. It knows no Coriolis terms.
 import cmath
 import math
 import pickle
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import chain
 
 import numpy as np
@@ -201,43 +201,6 @@ def test_all_loads_at_once_in_either_direction_and_at_rest(machines, speed, acce
         assert found < CLOSE, name
 
 
-def random_case(seed):
-    """Returns a random mechanism with a random set of loads, and its motion."""
-    random = np.random.default_rng(seed)
-    name = list(LINKS)[seed % len(LINKS)]
-    plain = MACHINES[name]
-    changed = {
-        part: replace(
-            body, mass=random.uniform(0, 3), inertia=random.uniform(0, 2),
-            center=tuple(random.uniform(-1, 1, 2)),
-        )
-        for part in ('crank', 'coupler', 'rod', 'rocker', 'barrel')
-        if (body := getattr(plain, part, None)) is not None
-    }  # fmt: skip
-    plain = replace(plain, gravity=tuple(random.uniform(-10, 10, 2)), **changed)
-    loads = []
-    for _ in range(random.integers(1, 5)):
-        one, other = random.choice((*LINKS[name], 'frame'), 2, replace=False)
-        points = random.uniform(-1, 1, (2, 2)).tolist()
-        if one == 'frame':
-            one, other = other, one
-        loads += [
-            Force(one, random.uniform(-50, 50, 2), points[0], random.choice(('world', 'link'))),
-            Spring(one, points[0], other, points[1], *random.uniform(0, (90, 0.5, 9))),
-            Pins(random.uniform(0, 5), random.choice(('', 'A0', 'A'))),
-        ]
-    chosen = random.permutation(len(loads))[: random.integers(1, len(loads) + 1)]
-    mechanism = with_loads(plain, *(loads[i] for i in chosen))
-    return mechanism, random.uniform(-7, 7), random.uniform(-9, 9), random.uniform(-9, 9)
-
-
-def test_random_mechanisms_with_random_loads_give_the_forces_of_newton_and_euler():
-    for seed in range(30):
-        mechanism, crank, speed, acceleration = random_case(seed)
-        found = force_errors(Solver(mechanism), [crank], speed, acceleration)
-        assert max(found) < CLOSE, seed
-
-
 def curve(points, value, over='crank_angle', **more):
     bare = slider_crank(FULL['offset_right'], 0.3)
     return with_loads(bare, LoadCurve('slider', over, points, value, **more))
@@ -269,16 +232,6 @@ def test_curves_over_a_position_at_their_points():
         for points in (places, steep):
             loads = curve(points, (5.0, -7.0, 30.0), 'position', return_value=(0.0, 2.0, -4.0))
             assert error(loads, cranks, speed) < 1e-11
-
-
-@pytest.mark.parametrize('turns', [-3, 0, 1])
-def test_positions_of_a_rocker_ignore_whole_turns(turns):
-    mechanism = MACHINES['four_bar']
-    curve = around('four_bar', 'rocker')[3]
-    moved = replace(curve, at=tuple(x + turns * TURN for x in curve.at))
-    rest = mechanism.swing_middle('', 0.0) + 0.4 + turns * TURN
-    mechanism = replace(mechanism, loads=(moved, LinkLoad('rocker', stiffness=9.0, rest=rest)))
-    assert error(mechanism, [0.4, 3.9]) < 1e-13
 
 
 @pytest.mark.parametrize(
@@ -536,33 +489,6 @@ def test_turning_base_against_the_whole_machine_in_the_world(name):
     assert max(abs(at_rest.torque - torques)) > 0.3 * peak  # the frame matters
 
 
-@pytest.mark.parametrize('friction', [False, True])
-@pytest.mark.parametrize('name', LEGS)
-def test_forces_as_arguments_equal_those_of_the_loads_to_the_bit(name, friction):
-    rub = Friction(pin=0.1, pin_radius=0.05, **{'guide': 0.1} if name == 'slider_crank' else {})
-    leg = replace(LEGS[name], loads=(rub,) if friction else ())
-    fixed, live = (
-        Solver(loaded(leg, forces), by_math=True)
-        for forces in (FORCES, {'push': (0, 0), 'pull': (0, 0)})
-    )
-    cranks, under = np.linspace(0.4, 5.9, 5), Conditions(forces=FORCES)
-    arrays = {key: tuple(np.full(5, x) for x in force) for key, force in FORCES.items()}
-    state = fixed.state(cranks, *KNEE)
-    given = live.state(cranks, *KNEE, under=Conditions(forces=arrays))
-    assert rows(given).tobytes() == rows(state).tobytes()
-    for i, crank in enumerate(cranks.tolist()):
-        one = live.state(crank, *KNEE, under=under)
-        assert rows(one).tobytes() == rows(state)[:, i].tobytes()
-    assert str(live.reactions(given)) == str(fixed.reactions(state))
-    if not friction:
-        torque = fixed.torque(cranks, *KNEE)
-        assert (live.torque(cranks, *KNEE, under=under) == torque).all()
-        moved = fixed.accelerations(cranks, 2.0, 30.0)
-        assert (live.accelerations(cranks, 2.0, 30.0, under=under) == moved).all()
-        found = live.driven_by(lambda _: 30.0, under)(float(cranks[1]), 2.0, *under.values)
-        assert found[0] == pytest.approx(moved[1], rel=1e-13)
-
-
 def test_conditions_are_equal_and_pickle_whatever_the_order_of_their_forces():
     one, other = (
         Conditions([1.0, 2.0], HIP, {name: FORCES[name] for name in names})
@@ -806,3 +732,49 @@ def test_indicator_diagram_pushes_the_piston_from_its_top(tmp_path):
             force = sign * (pressure - 101300.0) * math.pi * 0.05**2
             state = solver.state(start + angle, 1.0)
             assert solver.load_forces(state)['slider'] == pytest.approx(force, rel=1e-12)
+
+
+# ---------------------------------------------------------------- copies
+
+ROWS = {
+    'pressure': ('pressure_bar', [[-10, 1], [0, 30], [90, 4]]),
+    'value': ('value', [[-10, 1], [0, 30], [90, 4]]),
+    'two turns': ('value', [[-10, 1], [0, 30], [450, 4]]),
+}  # fmt: skip
+SLIDERS = {
+    'slider_crank': (MACHINES['slider_crank'], 'slider'),
+    'cylinder': (MACHINES['cylinder'], 'rod'),
+    'driven_cylinder': (MACHINES['driven_cylinder'], 'rod'),
+    'shaper': (replace(load('shaper').mechanism, loads=()), 'ram_slider'),
+}
+
+
+def changed_values(mechanism):
+    """Returns other values for all lengths, offsets and angles, by name."""
+    values = flatten(replace(mechanism, loads=()))
+    names = [x for x in values if x.split('.')[-1] in {'length', 'offset', 'angle'}]
+    return {name: 1.01 * values[name] + 0.001 * i for i, name in enumerate(names, 1)}
+
+
+def torques(mechanism):
+    solver = Solver(mechanism)
+    return [solver.torque(*motion(mechanism, crank)) for crank in (0.8, -3.0)]
+
+
+@pytest.mark.parametrize('rows', ROWS)
+@pytest.mark.parametrize('top', ['far', 'near'])
+@pytest.mark.parametrize('name', SLIDERS)
+def test_copies_keep_a_curve_at_their_own_top(tmp_path, name, top, rows):
+    """A mechanism changed in two ways has the torques of a new one."""
+    (column, points), (mechanism, link) = ROWS[rows], SLIDERS[name]
+    lines = ['crank_angle_from_tdc_deg,' + column, *(f'{x},{y}' for x, y in points)]
+    (tmp_path / 'tdc.csv').write_text('\n'.join(lines))
+    bore = {'bore': 0.1} if rows == 'pressure' else {}
+    curve = LoadCurve(link, file=str(tmp_path / 'tdc.csv'), top=top, **bore)
+    new = build(type(mechanism), {**flatten(mechanism), **changed_values(mechanism)})
+    parts = {x.name: getattr(new, x.name) for x in fields(new) if x.name != 'loads'}
+    base, created = (with_loads(x, curve) for x in (mechanism, new))
+    expected = torques(created)
+    assert expected != torques(base)
+    for copy in (replace(base, **parts), build(type(base), flatten(created))):
+        assert torques(copy) == expected
