@@ -4,7 +4,7 @@
 
 Each case must end with success or one line of error, within 5 s and 1 GB in addition to the memory
 of the imports. The cases come from test/hostile.py, and long, deep and damaged files of every kind
-from test/hostile_files.py; failing ones are saved in DIR/fuzz.
+from hostile_files.py; failing ones are saved in DIR/fuzz.
 Run: python benchmarks/reliability/fuzz.py [--out DIR] [--cases N] [--files N] [--seed N]
 """
 

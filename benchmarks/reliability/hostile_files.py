@@ -4,7 +4,7 @@
 
 KINDS has a function for each kind, which returns the content of a file from a random.Random, and
 SETTINGS the parameter files that name it.
-benchmarks/reliability/fuzz.py gives the files to the programs that read them.
+fuzz.py gives the files to the programs that read them.
 """
 
 import struct
@@ -17,7 +17,7 @@ from mcap.records import Attachment, Metadata, Schema
 
 from linkage_ros.settings.presets import preset_names, preset_path
 
-LEG = (Path(__file__).parents[1] / 'docs/examples/leg.urdf').read_bytes()
+LEG = (Path(__file__).parents[2] / 'docs/examples/leg.urdf').read_bytes()
 COUNTS = 10, 100, 1_000, 10_000, 100_000
 MOST = 1 << 24  # bytes of a generated file
 
