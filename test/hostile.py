@@ -125,6 +125,11 @@ def yaml_bombs():
         lambda: b'- ' * 100_000,
         lambda: b'a: b: ' * 10_000,
         lambda: b'a: b' + b'[' * 300_000,
+        lambda: (
+            own + '    {' + ''.join(f'{"n" * 120}{n}: 1, ' for n in range(7000)) + '}'
+        ).encode(),
+        lambda: f'{own}    {{? {"n" * 500_000}: {{{"a: 1, " * 50_000}}}}}'.encode(),
+        lambda: f'{own}    rpm: 0x{"1" * 900_000}'.encode(),
         lambda: b'x' * (1 << 21),
     )
 

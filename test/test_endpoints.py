@@ -3,12 +3,8 @@
 """Polled subscriptions: they wake no other thread, match every publisher and report rarely."""
 
 import itertools
-import os
 import re
-import threading
-import time
 from contextlib import contextmanager, suppress
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -29,7 +25,6 @@ from sensor_msgs.msg import JointState
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.messages.topics import JOINT_COMMANDS
 from linkage_ros.node import endpoints, process
-from linkage_ros.node.process import spinning
 
 MESSAGES = 300
 
@@ -61,33 +56,6 @@ def polled(monkeypatch):
         wait_for(publisher.get_subscription_count)
         wait_for(subscription._subscription.get_publisher_count)
         yield node, subscription, publisher, robot
-
-
-def switches(thread):
-    """Returns how often a thread was switched to."""
-    status = Path(f'/proc/self/task/{thread.native_id}/status').read_text()
-    return sum(int(line.split()[1]) for line in status.splitlines() if 'ctxt_switches' in line)
-
-
-@pytest.mark.parametrize('real_time', [True, False], ids=['real-time priority', 'no priority'])
-def test_messages_do_not_wake_the_thread_of_the_executor(polled, monkeypatch, real_time):
-    """Even while a message is queued: an event handler would then keep the thread awake."""
-    node, subscription, publisher, _ = polled
-    if not real_time:
-        monkeypatch.delattr(os, 'SCHED_FIFO')  # as if the system refused it
-    taken = []
-    monkeypatch.setattr(subscription, '_read', lambda data, _: taken.append(data))
-    with spinning(node):
-        (thread,) = (one for one in threading.enumerate() if one.name == 'executor')
-        publisher.publish(b'\0\1\0\0first')
-        wait_for(lambda: [*subscription.receive()])
-        before, taken[:] = switches(thread), []
-        for number in range(MESSAGES):
-            publisher.publish(b'\0\1\0\0%d' % number)
-            time.sleep(1e-3)  # a tick, in which an awake thread runs
-            wait_for(lambda number=number: [*subscription.take()] or len(taken) > number)
-        assert len(taken) == MESSAGES
-        assert switches(thread) - before < MESSAGES / 10
 
 
 def test_every_publisher_is_compatible(polled):

@@ -23,16 +23,14 @@ from ros_harness import (
     wait_for,
     watched,
 )
-from scipy.linalg import expm
 from sensor_msgs.msg import JointState
-from state_messages import messages_of
 
 from linkage_ros import Solver
 from linkage_ros.messages.cdr import NAMED_TWICE, NOT_ONE_EACH
 from linkage_ros.motion.drives.follow import NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH
 from linkage_ros.motion.measured import NOT_FINITE, NOT_NEWER, TrackingFilter, extrapolated
 from linkage_ros.run.states import Simulator
-from linkage_ros.settings.configuration import configure, load
+from linkage_ros.settings.configuration import configure
 
 TURN = 2 * math.pi
 MS = 1_000_000
@@ -220,32 +218,6 @@ def test_value_out_of_reach_is_named_in_values_of_the_robots_joint():
         assert np.abs(numbers - value).min() < 1e-5
 
 
-@pytest.mark.parametrize('lead', [{}, {'effort_command_topic': '/torque', 'lead_time': 0.01}])
-def test_extreme_measurements_do_not_end_the_motion(lead):
-    """Values whose square overflows, and angles at a limit or beyond it after the lead time."""
-    limited = four_bar(LIMITED['rocker_crank'])
-    (start, end), *_ = limited.reach().arcs
-    for mechanism, inside in ((load('quadrilateral').mechanism, 0.5), (limited, end - 1e-3)):
-        configuration = configure({**FOLLOWED, **lead})
-        simulator = Simulator(with_linkage(configuration, mechanism=mechanism).only)
-        crank, answers = measured_crank(simulator), 0
-        nearest = math.nextafter(end, start)
-        for n, (position, velocity) in enumerate(
-            [(inside, 0.0), (inside, 1e300), (inside, -1e13), (1e308, 0.0), (-1e308, 0.0),
-             (end, 5.0), (nearest, 5.0), (nearest, 1e12), (inside, 3.0)],
-        ):  # fmt: skip
-            data = message((n + 1) * MS, position=(0.0, position), velocity=(0.0, velocity))
-            try:
-                heard = crank.read(data, 0)
-            except ValueError:
-                continue
-            answers += 1
-            answer = messages_of(simulator, *heard, crank.later(heard[1]))
-            assert math.isfinite(answer.state.torque)
-        assert 0 < answers == 9 - crank.rejected.total()
-        assert crank.rejected[NOT_FINITE] >= 2
-
-
 def test_a_rejected_measurement_leaves_no_trace_in_the_filters():
     """Its crank is within reach, but not after the lead time; another with its stamp is taken."""
     limited = four_bar(LIMITED['rocker_crank'])
@@ -346,27 +318,3 @@ def test_the_log_is_verified_by_following_its_measurements_again(answered, monke
         TrackingFilter, '__init__', lambda motion, _, turns: begin(motion, 21.0, turns)
     )
     assert re.search('^state .*recomputed: off by', report_of(path).difference)
-
-
-def test_live_states_are_those_of_an_independent_filter(answered):
-    """Integrates the filter's equations by matrix exponentials; its start shows accelerations."""
-    sent, _, messages, *_ = answered
-    w, order = 2 * math.pi * 20.0, {stamp: n for n, (stamp, _) in enumerate(sent)}
-    slopes = np.array([[-2 * w, 1, 2 * w, 0], [-w * w, 0, w * w, 0], [0, 0, 0, 1], [0] * 4])
-    solver, last, torques = Solver(load('quadrilateral').mechanism), -math.inf, []
-    for data in messages[ANSWERS]:
-        stamp, values = CODEC.decode(data.data)
-        angle, time = 0.06 * order[stamp], (stamp - last) / 1e9
-        if time > 0.5:  # 10 / bandwidth
-            filtered = np.array([angle, 0.0, angle, 0.0])  # angle and rate; those measured
-        else:
-            filtered[3] = (angle - filtered[2]) / time
-            filtered = expm(slopes * time) @ filtered
-        last = stamp
-        if not len(sent) - 300 <= order[stamp] < len(sent) - 150:  # these have a speed
-            x, v, m, _ = filtered
-            right = solver.state(values[0], v, w * w * (m - x))
-            assert values[3] == pytest.approx(v, rel=1e-9, abs=1e-9)
-            torques.append([values[6], right.torque])
-    found, expected = np.transpose(torques)
-    assert found == pytest.approx(expected, rel=1e-8, abs=1e-8 * np.abs(expected).max())

@@ -559,6 +559,7 @@ def test_all_methods_agree_under_the_same_conditions(name, friction, size):
         assert np.all(np.abs(found / state.torque - 1) > 1e-6)
     scale = np.max(np.abs(state.torque))
     close(solver.torque(q, u, a, under=under), state.torque)
+    close(solver.torque(q, u, a), solver.state(q, u, a).torque)
     close(solver.reactions(state).torque, state.torque)
     # A virtual motion of the first coordinate: the torque carries the loads and the rest.
     levers = solver.state(q, (1.0, *(0.0 for _ in q[1:]))).velocity

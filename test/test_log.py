@@ -203,17 +203,6 @@ def test_every_batch_is_written_to_the_file_at_once(tmp_path):
     assert [(message.time, message.data) for message in messages] == [item[1:] for item in items]
 
 
-def test_the_same_record_has_the_same_bytes(tmp_path):
-    configuration = load('quadrilateral')
-    other = configure({**configuration.parameters(), 'rpm': 150.00000000000003})
-    for name, run in (('one', configuration), ('two', configuration), ('other', other)):
-        record(run, tmp_path / f'{name}.mcap', duration=1.5)
-    one, two, three = (
-        (tmp_path / f'{name}.mcap').read_bytes() for name in ('one', 'two', 'other')
-    )
-    assert one == two != three
-
-
 @pytest.mark.parametrize('start', [0, START])
 def test_rows_have_the_bytes_that_the_library_would_write(tmp_path, start):
     """Includes chunks, indexes, counts and times, message by message, in several chunks."""

@@ -441,12 +441,6 @@ def test_a_law_from_a_large_angle_advances_by_exact_turns(first, turns):
         drive_of(**values, angles=(first, first + turns * TURN + 1e-8))
 
 
-def test_a_law_of_one_point_or_turn_is_described_in_the_singular():
-    assert drive_of(times=(0.0,), angles=(1.0,)).motion.law.words == '1 point in 0 s'
-    turning = drive_of(times=(0.0, 1.0), angles=(0.0, TURN), repeat=True).motion.law
-    assert turning.words == '2 points in 1 s, repeated with 1 turn'
-
-
 def test_a_law_has_at_most_10000_points(monkeypatch):
     splines = []
     monkeypatch.setattr(law_drive, 'interpolated', lambda *x, **_: splines.append(len(x[0])))

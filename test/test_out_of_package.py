@@ -7,7 +7,6 @@ import json
 import math
 import sys
 import xml.etree.ElementTree as ET
-from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
@@ -19,14 +18,11 @@ from pages import ROOT
 from rclpy.serialization import deserialize_message
 from ros_harness import assert_refused, finished, stop, wait_for, watched
 from sensor_msgs.msg import JointState
-from test_rerun_connection import read
 
 from linkage_lab.methods.registry import METHODS
 from linkage_ros import (
     Body,
     Coupler,
-    Dyad,
-    DyadSlider,
     LinkLoad,
     MechanismError,
     Solver,
@@ -36,7 +32,6 @@ from linkage_ros import (
 from linkage_ros.mechanism.parts import Guide, Slider
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.urdf import make_urdf
-from linkage_ros.settings.presets import preset_path
 from linkage_ros.view.picture import Picture
 
 EXAMPLES = ROOT / 'docs' / 'examples'
@@ -132,25 +127,6 @@ def test_accelerations_invert_the_torque_and_energy_holds_spring_and_force(solve
     assert (later - sooner) / (2 * step) == pytest.approx(power, rel=1e-6, abs=1e-6)
 
 
-def test_gear_carries_a_dyad(cardan_gear, solver):
-    """The dyad adds the power of its masses, which follows from the kinetic energy."""
-    press = Dyad(
-        name='press', from_='slider', first=Body(0.6, 0.4, 0.01, (0.1, 0.0)),
-        slider=DyadSlider(1.5, (0.3, 0.0), 1.2),
-    )  # fmt: skip
-    both = Solver(replace(solver.mechanism, dyads=(press,)))
-    assert both.links == ('crank', 'coupler', 'slider', 'press_first', 'press_slider')
-    crank, step = np.linspace(-3, 4, 50), 1e-5
-    state, alone = both.state(crank, 5.0), solver.state(crank, 5.0)
-    assert np.array_equal(state.position[:3], alone.position)
-    change = []
-    for one in (both, solver):
-        later, sooner = (sum(one.energy(one.state(x, 5.0))) for x in (crank + step, crank - step))
-        change.append((later - sooner) / (2 * step))
-    assert state.torque - alone.torque == pytest.approx(change[0] - change[1], abs=1e-6)
-    assert abs(state.torque - alone.torque).max() > 0.5
-
-
 def test_a_gear_that_does_not_mesh_and_unknown_joint_forces_are_refused(cardan_gear, solver):
     with pytest.raises(MechanismError, match=r'must be crank\.length = 0\.1 and 0'):
         cardan_gear.CardanGear(Body(0.1), Coupler(0.2))
@@ -216,14 +192,6 @@ def test_the_chart_of_the_motion_has_the_torque_of_the_load(folder):
         assert abs(float(row['driving_torque [N m]']) - exact) < 3e-13
 
 
-def test_the_view_shows_the_links_of_the_mechanism(folder):
-    words = ('run.mcap', '--viewer', 'run.rrd', '--no-ros', '--rate', 20)
-    run('replay', *words, cwd=folder)
-    lines = read(folder / 'run.rrd')['/linkage/moving']['LineStrips2D:strips'][0]
-    # Crank, coupler with its point, slider, and the arrow of the slider's load.
-    assert [len(line) for line in lines] == [2, 4, 5, 5]
-
-
 def test_real_node_publishes_states_of_the_textbook_formula(folder):
     path = folder / 'live.mcap'
     words = 'node', '--ros-args', '--params-file', GEAR, '-p', f'log:={path}'
@@ -249,30 +217,6 @@ def test_a_kind_of_load_works_on_a_mechanism_of_another_package(tmp_path):
         powers.append(found['crank.effort'] * found['crank.velocity'])
     rate = abs(120.0 * math.pi / 30)
     assert powers[1] - powers[0] == pytest.approx(0.4 * rate**3)
-
-
-def test_a_kind_of_load_works_in_every_program(tmp_path):
-    """The drive supplies the power of the fan, coefficient x |rate|^3."""
-    preset = preset_path('wiper').read_text()
-    fan = '    loads:\n      blower: {kind: fan, link: rocker, coefficient: 0.4}\n'
-    (tmp_path / 'fan.yaml').write_text(preset + fan)
-    (tmp_path / 'wiper.yaml').write_text(preset)
-    run('record', 'fan.yaml', 'fan.mcap', '--duration', 1, cwd=tmp_path)
-    assert 'every one equal to the bit' in run('log', 'verify', 'fan.mcap', cwd=tmp_path)
-    assert 'loads.blower.coefficient: 0.4  # N m s^2' in run(
-        'log', 'info', 'fan.mcap', cwd=tmp_path
-    )
-    tables = []
-    for name in ('fan', 'wiper'):
-        run('chart', 'motion', f'{name}.yaml', '--reactions', cwd=tmp_path)
-        with (tmp_path / f'{name}_motion.csv').open() as stream:
-            tables.append({row['crank_angle [rad]']: row for row in csv.DictReader(stream)})
-    for angle, row in tables[0].items():
-        rate = float(row['rocker.angular_velocity [rad/s]'])
-        bare = float(tables[1][angle]['driving_power [W]'])
-        assert float(row['driving_power [W]']) - bare == pytest.approx(
-            0.4 * abs(rate) ** 3, abs=1e-11
-        )
 
 
 MEASURE = """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mechanisms import ALL, moving
 
-from linkage_ros import Drawing, DrawnLink, Solver, State, load, preset_names
+from linkage_ros import Drawing, DrawnLink, Solver, load, preset_names
 
 
 @pytest.mark.parametrize('preset', preset_names())
@@ -39,15 +39,3 @@ def test_state_prints_a_row_for_each_link(name, cranks):
     solver = Solver(ALL[name])
     rows = [line.split()[0] for line in repr(moving(solver, cranks)).splitlines()]
     assert rows[2:] == [*solver.links, 'torque']
-
-
-@pytest.mark.parametrize(
-    'state',
-    [
-        State(1, 2, 3, 4),
-        State(('x',), (None,), (np.array([]),), float('nan')),
-        State((), (), (), 0),
-    ],
-)
-def test_state_that_no_solver_made_prints_too(state):
-    assert repr(state).startswith('State')

@@ -7,7 +7,6 @@ test_configuration.py and test_refusals.py test which values and linkages are re
 
 import json
 import math
-import os
 import re
 import signal
 import subprocess
@@ -15,17 +14,13 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from joint_codec import encode_float64
 from mechanisms import FOLLOWED, load_values
 from one_linkage import run_alone, templates_of
-from ros_harness import CODEC, PATIENCE, assert_refused, command, decoded, logged, wait_for
+from ros_harness import PATIENCE, assert_refused, command, decoded, logged, wait_for
 from state_messages import messages_at
 
-from linkage_ros import ConfigurationError, LinkageError, Solver
+from linkage_ros import ConfigurationError, LinkageError
 from linkage_ros.log.rows import RowLayout, message_record
-from linkage_ros.messages.cdr import encode_string
-from linkage_ros.messages.urdf import make_urdf
-from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.motion.steps import live_steps, record_steps
 from linkage_ros.programs import record as record_module
 from linkage_ros.programs.record import count_states, record
@@ -53,15 +48,6 @@ def states_of(path):
 
 # ---------------------------------------------------------------- contents
 
-DRIVES = {
-    'constant': {},
-    'clockwise': {'rpm': -33.3, 'crank_angle': 2.0, 'rate_hz': 70.0},
-    'ramp through a reversal': {
-        'rpm': 90.0, 'start_rpm': -60.0, 'crank_acceleration': 9.0, 'crank_angle': -1.0,
-        'assembly': 'crossed', 'rate_hz': 130.7,
-    },
-}  # fmt: skip
-
 
 def test_all_states_before_an_impossible_one_are_recorded(out):
     """At 90 deg, a slider-crank of equal links has infinite joint forces, and so friction."""
@@ -72,35 +58,6 @@ def test_all_states_before_an_impossible_one_are_recorded(out):
     with pytest.raises(LinkageError, match='keeps the 50 states'):
         record(configuration, out, duration=1.0)
     assert len(logged(out)[1][STATES]) == 50
-
-
-@pytest.mark.parametrize('changes', DRIVES.values(), ids=DRIVES)
-def test_the_states_are_the_solvers_to_the_bit(out, changes):
-    configuration = preset(**changes)
-    count = record(configuration, out, duration=4.0)
-    log, messages = logged(out)
-    assert log.configuration == configuration
-    (description,) = messages['/robot_description']
-    assert description.data == encode_string(make_urdf(configuration.mechanism))
-    solver, rate = Solver(configuration.mechanism), Fraction(configuration.session.rate_hz)
-    motion, (segment,) = configuration.drive.begin(0, None), log.motions['']
-    states, torques = messages[STATES], messages['/driving_torque']
-    assert len(states) == count > 200
-    for tick, (message, torque) in enumerate(zip(states, torques, strict=True)):
-        stamp, numbers = CODEC.decode(message.data)
-        assert stamp == math.floor(tick * 10**9 / rate) == torque.time == message.time
-        crank = motion.at(stamp)
-        assert SpeedMotion(segment).at(stamp) == crank
-        (q,), (u,), (a,), *_ = crank
-        angle, spin, _, drive, *_ = solver.state(q, u, a)
-        alpha, beta, gamma, *rates = numbers[:6]
-        assert (alpha, gamma) == (crank.unwrapped, angle[2])
-        assert -math.pi < beta <= math.pi
-        relative = math.remainder(angle[1] - angle[0] - beta, 2 * math.pi)
-        assert abs(relative) <= 4 * math.ulp(4 * math.pi)
-        assert tuple(rates) == (spin[0], spin[1] - spin[0], spin[2])
-        assert numbers[6:] == (drive, 0.0, 0.0)
-        assert torque.data == encode_float64(drive)
 
 
 RUNS = {
@@ -287,19 +244,11 @@ def test_existing_file_is_kept_unless_overwrite_is_set(called, out):
 
 
 BAD_FILES = {
-    'crank too long': (
-        lengths(9.0, 1.0, 1.0, 1.0),
-        r'longest link, the crank, 9 m, .* the loop cannot clo',
-    ),
     'crank stopped': (
         lengths(2.0, 2.0, 2.1, 2.3),
         # 360 -+ cos^-1((2^2 + 2.3^2 - 4.1^2) / (2 2 2.3))
         r'triple-rocker .* = -0.2 m is negative; .* at most 1.8 m .* 215.176 to 504.824 deg;',
     ),
-    'value out of range': (layout(crank='{length: 0.0}'), r'crank.length = 0.0: must be a number'),
-    'value missing': (layout(crank='{mass: 1.0}'), r'crank.length is missing: must be a number'),
-    'name misspelt': (layout(crank='{lenght: 0.1}'), r'did you mean crank\.length\?'),
-    'tab': ('/**:\n\tros__parameters:\n', r'line 2: a tab; indent with spaces'),
     'binary': (bytes(range(256)) * 16, 'is not a text file'),
     'measured crank': (
         json.dumps({'/**': {'ros__parameters': FOLLOWED}}),
@@ -352,7 +301,6 @@ def test_a_degenerate_but_possible_file_is_recorded(called, out, params, text):
             ([name, 'run.mcap'], f"no preset '{re.escape(name)}': choose one of .*quadrilateral")
             for name in ('pentagon', 'quadrilatera', '*')
         ),
-        (['missing.yaml', 'run.mcap'], 'missing.yaml: no such file'),
         (['.', 'run.mcap'], 'Is a directory'),
         (['quadrilateral', '/proc/missing/run.mcap'], 'cannot be written'),
         (['quadrilateral', '.', '--overwrite'], '. is a folder: add a file name'),
@@ -366,7 +314,6 @@ def test_a_degenerate_but_possible_file_is_recorded(called, out, params, text):
         (['quadrilateral', 'run.mcap', '--duration', '1', '--revolutions', '1'], 'not allowed w'),
         (['quadrilateral', 'run.mcap', '--revolutions', '1' * 5000], "'111.*111': must be a who"),
         (['quadrilateral', 'run.mcap', '--duration', '1e18'], "'1e18': must be a number from"),
-        (['x' * 5000, 'run.mcap'], 'no preset .x{9}.*x{9}.: choose one of'),
     ],
 )
 def test_a_wrong_command_line_is_one_line(called, tmp_path, monkeypatch, words, reason):
@@ -376,15 +323,6 @@ def test_a_wrong_command_line_is_one_line(called, tmp_path, monkeypatch, words, 
 
 
 # ---------------------------------------------------------------- as a process
-
-
-def test_closed_output_pipe_is_not_an_error(out):
-    reading, writing = os.pipe()
-    os.close(reading)
-    words = command('record', 'quadrilateral', out, '--duration', 0.1)
-    done = subprocess.run(words, stdout=writing, stderr=subprocess.PIPE, timeout=PATIENCE)
-    os.close(writing)
-    assert (done.returncode, done.stderr) == (0, b'')
 
 
 def test_ctrl_c_leaves_a_complete_log(out):

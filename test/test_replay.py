@@ -125,18 +125,6 @@ def test_messages_are_replayed_byte_for_byte_at_their_times_with_a_clock(log):
         assert 5 * MS * (before - 1) <= stamp <= 5 * MS * after
 
 
-def test_excerpt_of_one_topic_at_a_higher_rate_ends_on_the_clock(log):
-    options = '--topics', TORQUE, '--rate', 2, '--start-offset', 1.0, '--playback-duration', 0.75
-    listener = played(log, *options, '--clock', 0.1)
-    piece = stored(log, TORQUE, 1_000_000_000, 1_750_000_000)
-    await_all(listener.received[TORQUE], piece)
-    assert len(piece) == 150
-    assert not any(listener.received[topic] for topic in (STATES, DESCRIPTION, COMMANDS))
-    assert_pace(listener.sent[TORQUE], 0.005 / 2)
-    # Every 10 s, and once more at the end.
-    wait_for(lambda: clock_times(listener)[-1] == 1_745 * MS)
-
-
 def test_loop_repeats_the_bytes_and_its_clock_never_goes_back(log):
     options = '--loop', '--start-offset', 1, '--playback-duration', 0.25, '--clock', 100
     with watched(TYPES, log, *options, program='replay') as (listener, process):
@@ -354,13 +342,10 @@ def test_memory_does_not_grow_with_the_log(tmp_path):
     ('options', 'words'),
     [
         (['--rate', '0'], "--rate: '0': must be a number from 0.001 to 1e\\+06; see linkage_re"),
-        (['--rate', 'fast'], "--rate: 'fast': must be a number from 0.001"),
         (['--start-offset', '3'], r'--start-offset = 3\.0: must be a number from 0 to 1\.995 s'),
-        (['--start-offset', 'nan'], "--start-offset: 'nan': must be"),
         (['--playback-duration', '0'], "--playback-duration: '0': must be a number from 1e-09 to"),
         (['--clock', '1e4'], "--clock: '1e4': must be a number from 0.01 to 1000 Hz; see"),
         (['--topics', '/nope'], '--topics /nope: the log has /joint_states, /driving_torque'),
-        (['--delay', 'inf'], "--delay: 'inf': must be a number from 0 to"),
         (['--no-ros'], '--no-ros leaves nothing to do'),
         (['--no-ros', '--viewer', 'spawn', '--clock'], '--clock publishes a topic, so it'),
         (['--no-ros', '--viewer', 'nonsense'], 'nonsense'),

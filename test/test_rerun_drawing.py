@@ -12,23 +12,20 @@ from unittest.mock import ANY
 import numpy as np
 import pytest
 import rerun as rr
-from mechanisms import MOVING_GUIDES, SEVERAL_FORCES, coordinates
+from mechanisms import MOVING_GUIDES, coordinates
 from test_rerun_connection import read, run_of, show
 
 from linkage_ros.mechanism.axes import axes_of
 from linkage_ros.mechanism.drawing import Drawing as DrawnMachine
 from linkage_ros.mechanism.drawing import DrawnLink, DrawnSlide
-from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.loads.force import Force
 from linkage_ros.mechanism.loads.friction import Friction
-from linkage_ros.mechanism.loads.link_load import LinkForce
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.motion.drives.follow import FollowDrive
 from linkage_ros.motion.drives.torque import TorqueDrive
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.presets import preset_names
 from linkage_ros.units import NS_PER_S
-from linkage_ros.view.load_arrows import LoadArrows
 from linkage_ros.view.picture import Picture
 from linkage_ros.view.rerun_drawing import RerunDrawing
 
@@ -256,43 +253,6 @@ def test_arrows_are_as_long_as_the_loads_and_point_their_way(drawn):
         )
         assert shown == pytest.approx(longest * exerted / largest, abs=1e-5 * longest)
         assert not exerted.any() or abs(shown).max() > 0.01 * longest
-
-
-def test_the_arrow_of_a_load_on_the_coupler_turns_about_the_crank_pin():
-    class Twist(AppliedLoad):
-        def on(self, _mechanism):
-            return LinkForce(1, force=2.0)
-
-    mechanism, mark = replace(load('quadrilateral').mechanism, loads=(Twist(),)), 0.01
-    solver = Solver(mechanism)
-    states = [solver.state(crank, 1.0) for crank in (0.3, 1.2, 4.0)]
-    positions, rates = (np.array([row[i] for row in states]) for i in (0, 1))
-    drawn = LoadArrows(mechanism, mark, positions).lines(positions, rates)
-    pins = np.array([complex(*solver.point(state, 'A').position) for state in states])
-    arms = drawn['coupler'][:, :-3] - pins[:, np.newaxis]
-    assert abs(arms) == pytest.approx(np.full(arms.shape, abs(arms[0, 0])), rel=1e-12)
-    assert np.angle(arms[:, 0] / np.exp(1j * positions[:, 1])) == pytest.approx(0, abs=1e-12)
-
-
-def test_several_forces_of_a_load_on_one_link_all_have_arrows():
-    mechanism = replace(load('quadrilateral').mechanism, loads=(SEVERAL_FORCES,))
-    state = Solver(mechanism).state(np.array([0.3, 1.2]), 1.0)
-    positions, rates = np.transpose(state.position), np.transpose(state.velocity)
-    arrows = LoadArrows(mechanism, 0.01, positions)
-    found = arrows.values(positions, rates)
-    assert found == {
-        'tool on coupler': ['15.3 N'] * 2,
-        'tool on coupler 2': ['7 N'] * 2,
-        'tool on rocker': ['7 N'] * 2,
-    }
-    assert arrows.names == tuple(found)
-    feet = [lines[:, 0] for lines in arrows.lines(positions, rates).values()]
-    assert abs(feet[0] - feet[1]) == pytest.approx(abs(0.2 - 0.2j))
-
-
-def test_links_and_loads_are_thicker_than_ground_and_paths(drawn):
-    (thin,), moving = (drawn.found[entity]['LineStrips2D:radii'][0] for entity in (FIXED, MOVING))
-    assert max(moving) < thin < 0  # negative: in points of the screen
 
 
 def test_moving_points_stay_on_their_paths(drawn):

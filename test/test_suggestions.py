@@ -8,7 +8,6 @@ import pytest
 from ros_harness import assert_refused
 
 from linkage_ros.programs import log_tool, record
-from linkage_ros.quantities import did_you_mean
 
 FILE = """/**:
   ros__parameters:
@@ -50,25 +49,5 @@ def test_file_that_was_meant_is_suggested(called, words, suggestion):
     assert_refused(*called(record, *words.split(), 'run.mcap'), suggestion)
 
 
-@pytest.mark.parametrize(
-    ('old', 'new', 'suggestion'),
-    [
-        ('coupler:', 'Coupler:', r'did you mean coupler\.length\?'),
-        ('{length: 0.02}', '{lenght: 0.02}', r'did you mean crank\.length\?'),
-        ('0.07', '"0.07"', r'coupler\.length = .*; write 0\.07 without quotes'),
-        ('four_bar', 'four-bar', r'did you mean four_bar\?'),
-        ('rpm: 60.0', 'omega: 6.28', 'rpm is missing: .* crank speed'),
-    ],
-)
-def test_parameter_that_was_meant_is_suggested(called, old, new, suggestion):
-    Path('a.yaml').write_text(FILE.replace(old, new))
-    code, out, err = called(record, 'a.yaml', 'run.mcap')
-    assert_refused(code, out, err.splitlines(keepends=True)[-1], suggestion)
-
-
 def test_command_that_was_meant_is_suggested(called):
     assert_refused(*called(log_tool, 'verfy', 'run.mcap'), r'did you mean verify\?')
-
-
-def test_nothing_is_suggested_for_a_name_that_resembles_none():
-    assert did_you_mean('x' * 5000, ['wiper', '']) == ''
