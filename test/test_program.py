@@ -38,7 +38,6 @@ from linkage_ros.mechanism.loads.link_load import LinkForce
 from linkage_ros.mechanism.nested import leaves
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.tracer import Tape
-from linkage_ros.settings.configuration import load
 
 STRICT = np.errstate  # the original: a test replaces the package's
 
@@ -178,45 +177,19 @@ def folding(_, x):
 
 
 def kept(_, x):
-    return x * 0, 0.0 * x, x + 0.0, 0.0 + x, 0.0 - x, x - -0.0, x - x, x * -1.0, 1.0 - x
+    return x * 0, 0.0 * x, x + 0.0, 0.0 + x, 0.0 - x, x - -0.0, x - x, x * -1.0, 1.0 - x, x - 1.0
 
 
 def test_only_identities_that_hold_for_every_double_are_folded():
     folded, others = Program(folding, Constants(()), ('x',)), Program(kept, Constants(()), ('x',))
     assert operations(folded) == []
-    assert len(set(operations(others))) == 9
+    assert len(set(operations(others))) == 10
     for x in SPECIAL:
         assert bits(folded.floats(x)) == bits((x,) * 3) == bits(folded.untraced(x))
         assert bits(others.floats(x)) == bits(others.untraced(x))
     # Two of the results differ from the folded form.
     assert bits(others.floats(-0.0)[2]) == bits(0.0)
     assert bits(others.floats(-1.5)[0]) == bits(-0.0)
-
-
-def negated(_, x, y):
-    return x + -y, -x + y, x - -y, -x - y
-
-
-def test_negation_in_a_sum_becomes_subtraction():
-    program = Program(negated, Constants(()), ('x', 'y'))
-    assert operations(program).count('x - y') == 1
-    assert {*operations(program)} == {'x - y', 'y - x', 'x + y', '-x - y'}
-    for x, y in itertools.product(SPECIAL[:-1], repeat=2):  # the sign of a NaN is irrelevant
-        assert bits(program.floats(x, y)) == bits(program.untraced(x, y))
-
-
-def with_a_zero(k, x):
-    above = where(x > k, x, k)
-    return k * x + above, abs(k) + sqrt(k) - sin(k), where(k >= x, -x, x / 2), (x - k) * 3
-
-
-def test_constant_zero_is_folded_without_changing_the_result():
-    zero, small = (Program(with_a_zero, Constants(k), ('x',)) for k in (0.0, 5e-324))
-    assert len(operations(zero)) < len(operations(small)) - 4
-    for x in (1.5, -2.5, 0.0, 1e300):
-        assert zero.floats(x) == with_a_zero(0.0, x)
-        assert bits(zero.floats(x)) == bits(zero.untraced(x))
-        assert bits(zero(np.array([x, x]))) == bits(zero.floats(x))
     for divided in (lambda k, x: x / k, lambda k, _: k / k):
         with pytest.raises(ZeroDivisionError):
             Program(divided, Constants(0.0), ('x',)).floats(1.0)
@@ -250,17 +223,6 @@ def test_numbers_of_a_load_may_have_any_type_and_count_as_floats(number, traced)
         found.append((repr(state), repr(many), repr(solver.load_forces(state))))
         assert type(state.torque) is float
     assert found[0] == found[1]
-
-
-def test_complex_numbers_of_numpy_count_as_complex_numbers():
-    def doubled(vector, x):
-        return vector.x * x, vector.y * x
-
-    one, other = (
-        Program(doubled, Constants(kind(0.3 - 0.1j)), ('x',)) for kind in (complex, np.complex128)
-    )
-    assert repr(one(0.7)) == repr(other(0.7)) == repr(one.untraced(0.7))
-    assert repr(other.untraced(0.7)) == repr(one(0.7))
 
 
 @pytest.mark.parametrize('value', [[1.0, 2.0], np.array([1.0, 2.0]), {'k': 1.0}])
@@ -428,37 +390,6 @@ def test_singular_places_raise_no_warning_and_give_no_nan(name):
 # ------------------------------------------ 5: arrays
 
 
-def differing(program, given, found):
-    """Counts the states for which array results differ in a bit from the program for floats."""
-    arrays = np.array(leaves(found)).T.copy()
-    rows = zip(*(x.tolist() for x in given), strict=True)
-    scalars = np.array([leaves(program.floats(*row)) for row in rows])
-    return int((arrays.view(np.int64) != scalars.view(np.int64)).any(1).sum())
-
-
-@pytest.mark.parametrize(('name', 'count'), [('straight links', 30_000), ('pump', 5_000)])
-def test_arrays_by_math_have_the_bits_of_the_scalar_program(name, count):
-    mechanism, program = MECHANISMS[name], programs_of(name)['state']
-    given = columns(mechanism, program, count)
-    assert differing(program, given, by_math(program)(*given)) == 0
-
-
-def test_comparison_of_arrays_and_scalars_sees_a_last_bit():
-    program = programs_of('pump')['state']
-
-    given = columns(MECHANISMS['pump'], program, 10)
-    first, *rest = leaves(by_math(program)(*given))
-    assert differing(program, given, (np.nextafter(first, np.inf), *rest)) == 10
-
-
-def test_functions_of_numpy_differ_in_the_last_digits_alone():
-    program = programs_of('pump')['state']
-    given = columns(MECHANISMS['pump'], program, 10)
-    ours, numpys = (x(*given) for x in (by_math(program), program))
-    for x, y in zip(leaves(ours), leaves(numpys), strict=True):
-        assert np.abs(x - y).max() <= 4 * math.ulp(np.abs(x).max())
-
-
 @each
 def test_untraced_arrays_have_the_bits_of_traced_ones(name):
     """The formulas themselves run on arrays, with NumPy's functions and with those of `math`."""
@@ -471,21 +402,6 @@ def test_untraced_arrays_have_the_bits_of_traced_ones(name):
         for pair, values in itertools.product(pairs, (given, with_a_float)):
             for one, other in zip(*(np.array(leaves(x(*values))) for x in pair), strict=True):
                 assert np.array_equal(one.view(np.int64), other.view(np.int64)), kind
-
-
-@each
-def test_the_torque_alone_is_the_torque_of_the_state(name):
-    mechanism = MECHANISMS[name]
-    count = len(inside(mechanism))
-    given = columns(mechanism, programs_of(name)['state'], 40)
-    motion = [tuple(given[i * count : (i + 1) * count]) for i in range(3)]
-    for solver in (Solver(mechanism), Solver(mechanism, by_math=True)):
-        found = solver.torque(*motion)
-        assert np.array_equal(found, solver.state(*motion).torque)
-    alone = [
-        solver.torque(*row) for row in zip(*(zip(*x, strict=True) for x in motion), strict=True)
-    ]
-    assert np.array_equal(found, alone)
 
 
 # ------------------------------------------ 6: a program can be read, pickled and shared
@@ -540,16 +456,6 @@ def test_least_recently_used_structures_leave_memory():
 
 def weighted(constants, x):
     return sum(a * sin(x) for a in constants)
-
-
-def scaled(k, x):
-    a = k * 2.0
-    return where(k > 1.0, x, a * x + a * sin(x))
-
-
-def test_arguments_may_have_the_names_of_terms():
-    program = Program(scaled, Constants(0.7), ('t1',))
-    assert bits(program.floats(3.0)) == bits(program.untraced(3.0)) == bits(scaled(0.7, 3.0))
 
 
 @pytest.mark.parametrize('name', ['loaded', 'pump'])
@@ -622,9 +528,3 @@ def test_sums_may_be_long_and_programs_may_contain_loops():
         xs = program(xs, targets)
         assert xs.tolist() == x
     assert np.allclose(xs, np.sqrt(targets), rtol=1e-15)
-
-
-def test_untraced_solver_stays_untraced_when_pickled(monkeypatch):
-    plain = pickle.dumps(Solver(load('quadrilateral').mechanism, traced=False))
-    monkeypatch.setattr(Tape, '__init__', None)
-    assert pickle.loads(plain).state(0.0).position[0] == 0.0
