@@ -17,12 +17,15 @@ from pathlib import Path
 import rclpy
 from forked import LAB, Forked
 from joint_codec import JointStateCodec
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
@@ -321,6 +324,49 @@ def wait_for(condition, seconds=PATIENCE, pause=0.01):
         time.sleep(pause)
 
 
+def call(listener, kind, name, request, namespace=''):
+    """Calls a service, and returns its response.
+
+    On a busy machine, Fast DDS drops the response to a client that its service has not matched
+    within 0.1 s, and the client waits in vain; the request is then sent again.
+    """
+    client = listener.node.create_client(kind, f'{namespace}/linkage_node/{name}')
+    assert client.wait_for_service(PATIENCE)
+    futures, sent = [], 0.0
+
+    def answered():
+        nonlocal sent
+        if time.monotonic() > sent + 5:
+            futures.append(client.call_async(request))
+            sent = time.monotonic()
+        return any(future.done() for future in futures)
+
+    wait_for(answered)
+    listener.node.destroy_client(client)
+    return next(future.result() for future in futures if future.done())
+
+
+def set_parameter(listener, name, namespace='', **value):
+    parameter = Parameter(name=name, value=ParameterValue(**value))
+    request = SetParameters.Request(parameters=[parameter])
+    return call(listener, SetParameters, 'set_parameters', request, namespace).results[0]
+
+
+def dump(listener):
+    """Returns the values of all parameters by name, requested as by `ros2 param dump`."""
+    listed = call(listener, ListParameters, 'list_parameters', ListParameters.Request())
+    names = sorted(listed.result.names)
+    got = call(listener, GetParameters, 'get_parameters', GetParameters.Request(names=names))
+    return dict(zip(names, got.values, strict=True))
+
+
+def measurement(stamp, positions, **fields):
+    """Makes a message with positions by joint, and a stamp, ns."""
+    message = JointState(name=[*positions], position=[*positions.values()], **fields)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, NS_PER_S)
+    return message
+
+
 class SteppedClock:
     """Simulated time of a node, which passes one tick after the other.
 
@@ -331,6 +377,11 @@ class SteppedClock:
     def __init__(self, listener, period, start=100 * NS_PER_S):
         self._listener, self._period, self._now = listener, period, start
         self._times = listener.node.create_publisher(Clock, '/clock', 10)
+
+    def go_on(self, step):
+        """Lets a time pass, ns, without waiting for a state."""
+        self._now += step
+        self._tell()
 
     def _tell(self):
         message = Clock()
@@ -358,13 +409,8 @@ class SteppedClock:
             self._listener.received[topic] for topic in ('/joint_states', '/joint_commands')
         )
         before = len(commands)
-
-        def go_on():
-            self._now += self._period
-            self._tell()
-
         # States before this listener is connected are lost, so that time must go on.
-        wait_for(lambda: states or go_on(), pause=0.05)
+        wait_for(lambda: states or self.go_on(self._period), pause=0.05)
 
         def has_answered():
             time.sleep(0.01)

@@ -14,7 +14,6 @@ from one_linkage import inputs_of
 from rclpy.serialization import deserialize_message, serialize_message
 from ros_harness import (
     CODEC,
-    PATIENCE,
     SteppedClock,
     logged,
     node_arguments,
@@ -198,12 +197,3 @@ def test_a_stream_of_trajectories_moves_the_real_node(tmp_path):
     assert max(values[0] for _, values in rows) > 1.5
     for (stamp, before), (later, after) in pairwise(rows):
         assert abs(after[0] - before[0]) < 5.0 * (later - stamp) / 1e9
-
-
-def test_a_law_that_ends_moving_ends_the_node():
-    law = {'times': [0.0, 0.5], 'angles': [1.0, 1.2], 'speeds': [0.0, 1.0]}
-    values = {**SERVO, **{f'motion.{name}': value for name, value in law.items()}}
-    with watched(('/joint_states',), *node_arguments(**values)) as (_, process):
-        printed = ''.join(process.communicate(timeout=PATIENCE))
-    assert process.returncode == 1
-    assert 'ends 0.5 s after the start of its law, where the speed is still 1 rad/s' in printed

@@ -10,8 +10,15 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from mechanisms import examples
-from ros_harness import assert_refused, node_arguments, stop, verified, watched
-from test_node_parameters import dump, set_parameter
+from ros_harness import (
+    assert_refused,
+    dump,
+    node_arguments,
+    set_parameter,
+    stop,
+    verified,
+    watched,
+)
 
 from linkage_lab.sweep.study import read_study
 from linkage_ros import ConfigurationError, load

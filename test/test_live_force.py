@@ -1,14 +1,24 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Forces from messages while a run lasts: in torque, motion, log and verify."""
+"""Forces from messages, and changes of gravity, in torque, motion, log and verify."""
 
+import itertools
 import math
 import time
+from dataclasses import replace
 
 import pytest
 from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import serialize_message
-from ros_harness import node_arguments, stop, verified, wait_for, watched
+from ros_harness import (
+    measurement,
+    node_arguments,
+    set_parameter,
+    stop,
+    verified,
+    wait_for,
+    watched,
+)
 from sensor_msgs.msg import JointState
 
 from linkage_ros import Conditions, ConfigurationError, Solver, read_log
@@ -16,11 +26,11 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.messages.cdr import decode_trajectory
 from linkage_ros.messages.topics import WRENCH_STAMPED
+from linkage_ros.programs.log_commands import info
 from linkage_ros.programs.record import record
 from linkage_ros.run.robot import Robot
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
-from linkage_ros.units import NS_PER_S
 
 MS = 1_000_000
 LINKS = {
@@ -39,11 +49,14 @@ PULL = {
     'loads.pull.wrench_timeout': 0.1,
 }  # fmt: skip
 THEIRS, ALONG = (5.0, -40.0), (3.0, 7.0)  # N
+# m/s^2: of the parameters, and set while the node runs.
+OWN, GRAVITIES = (0.0, -9.81), ((-3.0, 5.0), (7.0, 0.0))
+HIP = 0.3  # rad, direction of base_link with drive: follow
 DRIVES = {
     'speed': {'rpm': 90.0},
     'torque': {'motor.torque': 9.0, 'motor.damping': 0.5},
     'motion': {'motion.center': 0.3, 'motion.amplitude': 0.8, 'motion.frequency': 2.0},
-    'follow': {},
+    'follow': {'frame_joint.name': 'hip', 'frame_joint.ratio': 2.0},
 }
 
 
@@ -55,39 +68,61 @@ def wrench(x=5.0, y=-40.0, frame_id='base_link'):
     return message
 
 
+def acting(state, solver, frame):
+    """Returns which forces act, those of messages or of parameters, and the gravity."""
+    _, _, (point,) = decode_trajectory(state)
+    q, u, a = point.positions[0], point.velocities[0], point.accelerations[0]
+    found = []
+    for push, pull, gravity in itertools.product(
+        (THEIRS, tuple(PUSH['loads.push.force'])), (ALONG, (0.0, 0.0)), (OWN, *GRAVITIES)
+    ):
+        under = Conditions(gravity, frame, {'push': push, 'pull': pull})
+        torque = solver.torque(q, u, a, under=under)
+        if math.isclose(torque, point.efforts[0], rel_tol=1e-9, abs_tol=1e-9):
+            found.append((push is THEIRS, pull is ALONG, gravity))
+    return found[0] if len(found) == 1 else None
+
+
+def assert_set_in_log(log, gravities):
+    """Checks that a log has these gravities, and that with other values it differs."""
+    reader, forged = LogReader(log), LogReader(log)
+    for name, value in (('at', (0.1, 0.0)), ('wrench_timeout', 100.0)):
+        given = {**reader.configuration.parameters(), f'loads.push.{name}': value}
+        forged.configuration = configure(given)
+        assert verify(forged).difference, name
+    *usual, last = reader.motions['']
+    found = [x.gravity for x in reader.motions[''] if getattr(x, 'gravity', None)]
+    assert found == gravities
+    if gravities:
+        assert 'gravity [-3.0, 5.0] m/s^2' in '\n'.join(info(reader))
+        forged.configuration = reader.configuration
+        for wrong in (usual, [*usual, replace(last, gravity=(7.0, 1e-6))]):
+            forged.motions = {'': tuple(wrong)}
+            assert verify(forged).difference
+
+
 @pytest.mark.parametrize('drive', DRIVES)
-def test_each_drive_takes_forces_and_its_log_verifies(drive, tmp_path):
+def test_each_drive_takes_forces_and_gravity_and_its_log_verifies(drive, tmp_path):
+    """A torque-driven run keeps the gravity of its parameters."""
     log, given = tmp_path / 'run.mcap', {**LINKS, **PUSH, **PULL, **DRIVES[drive]}
-    arguments = node_arguments(**given, drive=drive, log=log, rate_hz=200.0)
-    if drive == 'follow':
-        arguments = node_arguments(**given, drive=drive, log=log)
-    solver, values = Solver(configure({**given, 'drive': drive}).mechanism), given
-
-    def seen(state):
-        """Returns which forces act: those of the messages or of the parameters."""
-        _, _, (point,) = decode_trajectory(state)
-        q, u, a = point.positions[0], point.velocities[0], point.accelerations[0]
-        found = [
-            (push is THEIRS, pull is ALONG)
-            for push in (THEIRS, tuple(values['loads.push.force']))
-            for pull in (ALONG, (0.0, 0.0))
-            if math.isclose(
-                solver.torque(q, u, a, under=Conditions(forces={'push': push, 'pull': pull})),
-                point.efforts[0], rel_tol=1e-9, abs_tol=1e-9,
-            )
-        ]  # fmt: skip
-        return found[0] if len(found) == 1 else None
-
+    solver = Solver(configure({**given, 'drive': drive}).mechanism)
+    frame = (HIP, 0.0, 0.0) if drive == 'follow' else None
+    rate = {} if drive == 'follow' else {'rate_hz': 200.0}
+    arguments = node_arguments(**given, drive=drive, log=log, **rate)
     with watched(['/mechanism_state'], *arguments) as (listener, process):
-        heard, sent = listener.received['/mechanism_state'], [0]
+        heard, sent = listener.received['/mechanism_state'], itertools.count()
         robot = listener.node.create_publisher(JointState, '/measured_joint_states', 10)
         pushes, pulls = (
             listener.node.create_publisher(WrenchStamped, topic, 10)
             for topic in ('/push', '/pull')
         )
 
-        def await_forces(acting, *messages):
-            """Sends messages, and measurements, until the forces act in a state."""
+        def measure():
+            places = {'crank': 0.01 * next(sent), 'hip': 2.0 * HIP}
+            robot.publish(measurement(time.time_ns(), places))
+
+        def await_state(push, pull, gravity, *messages):
+            """Sends messages, and measurements, until this acts in a state."""
             left = len(heard)
 
             def act():
@@ -95,38 +130,45 @@ def test_each_drive_takes_forces_and_its_log_verifies(drive, tmp_path):
                 for publisher, message in messages:
                     publisher.publish(message)
                 if drive == 'follow':
-                    sent[0] += 1
-                    measured = JointState(name=['crank'], position=[0.01 * sent[0]])
-                    stamp = divmod(time.time_ns(), NS_PER_S)
-                    measured.header.stamp.sec, measured.header.stamp.nanosec = stamp
-                    robot.publish(measured)
+                    measure()
                 new = heard[left:]
                 left += len(new)
-                return any(seen(state) == acting for state in new)
+                return any(acting(x, solver, frame) == (push, pull, gravity) for x in new)
 
             wait_for(act)
 
-        await_forces((False, False))
-        await_forces((True, False), (pushes, wrench()))
-        await_forces((True, True), (pushes, wrench()), (pulls, wrench(*ALONG, 'rocker_link')))
-        await_forces((False, False))
+        await_state(False, False, OWN)
+        await_state(True, False, OWN, (pushes, wrench()))
+        await_state(True, True, OWN, (pushes, wrench()), (pulls, wrench(*ALONG, 'rocker_link')))
+        await_state(False, False, OWN)
         wrong = wrench(x=math.nan), wrench(y=math.inf), wrench(frame_id='tool')
-        await_forces((False, True), *((pushes, one) for one in wrong), (pulls, wrench(*ALONG, '')))
+        ours = pulls, wrench(*ALONG, '')
+        await_state(False, True, OWN, *((pushes, one) for one in wrong), ours)
+        for value in ([math.nan, 0.0], [1.0], [1e7, 0.0]) if drive != 'torque' else ():
+            refused = set_parameter(listener, 'gravity', type=8, double_array_value=value)
+            assert not refused.successful
+            assert 'gravity' in refused.reason
+            assert 'array' not in refused.reason
+        # Whole numbers are accepted.
+        changes = (
+            {'type': 8, 'double_array_value': [-3.0, 5.0]},
+            {'type': 7, 'integer_array_value': [7, 0]},
+        )
+        for gravity, value in zip(GRAVITIES, changes, strict=True):
+            is_taken = set_parameter(listener, 'gravity', **value).successful
+            assert is_taken == (drive != 'torque')
+            if is_taken:
+                await_state(True, False, gravity, (pushes, wrench()))
+                await_state(False, False, gravity)
         stop(process)
     assert verified(log).states >= len(heard)
+    assert_set_in_log(log, [*GRAVITIES] if drive != 'torque' else [])
     if drive == 'speed':
         with watched({'/push': WRENCH_STAMPED.name}, log, '--loop', program='replay') as (
             listener, process,
         ):  # fmt: skip
             wait_for(lambda: listener.received['/push'])
             stop(process)
-    # With another point or another timeout, the log differs.
-    for name, value in (('at', (0.1, 0.0)), ('wrench_timeout', 100.0)):
-        forged = LogReader(log)
-        forged.configuration = configure(
-            {**forged.configuration.parameters(), f'loads.push.{name}': value}
-        )
-        assert verify(forged).difference, name
 
 
 def test_record_has_the_force_of_the_parameters(tmp_path):

@@ -14,7 +14,9 @@ from ros_harness import (
     assert_refused,
     finished,
     logged,
+    measurement,
     node_arguments,
+    set_parameter,
     stop,
     verified,
     wait_for,
@@ -24,7 +26,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from test_crank_commands import trajectory
 from test_live_force import PUSH, wrench
-from test_node_parameters import set_parameter
 from test_several_linkages import CASES, FOLLOWERS, LEGS
 from trajectory_msgs.msg import JointTrajectory
 
@@ -253,9 +254,7 @@ def test_measurements_that_stop_for_one_crank_end_its_torque_alone(tmp_path):
         def measure(*joints):
             nonlocal n
             n += 1
-            message = JointState(name=[*joints], position=[0.3 + 1e-4 * n] * len(joints))
-            message.header.stamp.sec, message.header.stamp.nanosec = divmod(n * MS, 10**9)
-            publisher.publish(message)
+            publisher.publish(measurement(n * MS, dict.fromkeys(joints, 0.3 + 1e-4 * n)))
 
         wait_for(lambda: measure('arm_crank', 'hip', 'leg_crank') or len(states) > 20)
         assert all(efforts_in(efforts[-1]))
@@ -287,10 +286,9 @@ def test_invalid_measurements_in_messages_of_their_own_end_a_torque_at_once(tmp_
 
         def measure(**joints):
             n = next(stamps)
-            message = JointState(name=[*joints], position=[x + 1e-4 * n for x in joints.values()])
-            message.header.stamp.sec, message.header.stamp.nanosec = divmod(n * MS, 10**9)
+            places = {name: x + 1e-4 * n for name, x in joints.items()}
             for _ in range(2):
-                publisher.publish(message)
+                publisher.publish(measurement(n * MS, places))
 
         wait_for(lambda: measure(leg_crank=0.3, boom_rod=0.95) or len(efforts) > 20)
         assert all(efforts_in(efforts[-1]))
@@ -335,10 +333,8 @@ def test_measurements_of_a_linkage_that_a_force_has_locked_are_rejected(tmp_path
         def measure():
             for names in [cranks] if together else zip(cranks, strict=True):
                 stamp = next(stamps) * MS
-                message = JointState(name=[*names], position=[1.2 + stamp * 1e-11] * len(names),
-                                     velocity=[1.0] * len(names))  # fmt: skip
-                message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
-                robot.publish(message)
+                places = dict.fromkeys(names, 1.2 + stamp * 1e-11)
+                robot.publish(measurement(stamp, places, velocity=[1.0] * len(places)))
 
         def held():
             return {joint.partition('_')[0] for state in states[-2:] for joint in joints_in(state)}
@@ -404,9 +400,8 @@ def test_forces_and_gravity_act_on_the_linkage_that_they_name(tmp_path, drive):
                     publisher.publish(message)
                 if drive == 'follow':
                     joints = [f'{x}_crank' for x in sides if stamp // MS % 5 or x == 'left']
-                    message = JointState(name=joints, position=[1e-10 * stamp] * len(joints))
-                    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
-                    robot.publish(message)
+                    places = dict.fromkeys(joints, 1e-10 * stamp)
+                    robot.publish(measurement(stamp, places))
                 return len(states) >= due
 
             wait_for(act)

@@ -20,11 +20,15 @@ from ros_harness import (
     PATIENCE,
     SteppedClock,
     assert_refused,
+    call,
     decoded,
+    dump,
     finished,
     logged,
+    measurement,
     node_arguments,
     running,
+    set_parameter,
     stop,
     verified,
     wait_for,
@@ -32,7 +36,6 @@ from ros_harness import (
 )
 from sensor_msgs.msg import JointState
 from test_live_linkages import arguments_of, joints_in
-from test_node_parameters import call, dump, set_parameter
 from test_several_linkages import CASES, FOLLOWERS, columns, several
 from test_torque_ends import (
     ALTERED,
@@ -154,8 +157,7 @@ def test_a_pause_is_no_time_for_the_motion(tmp_path, drive, count):
         for pause in (0, 7 * 10**9, -(10**9)):
             # Time that passes while the node is inactive has no state.
             for _ in range(3):
-                clock._now += pause
-                clock._tell()
+                clock.go_on(pause)
             assert len(states) == len(due)
             assert supervisor.follow('activate') == 'active'
             for _ in range(12):
@@ -198,9 +200,8 @@ def test_measurements_are_answered_while_the_node_is_active(tmp_path, count):
         def measure():
             nonlocal n
             n += 1
-            message = JointState(name=[*joints], position=[x + 1e-4 * n for x in joints.values()])
-            message.header.stamp.sec, message.header.stamp.nanosec = divmod(n * MS, 10**9)
-            publisher.publish(message)
+            places = {name: x + 1e-4 * n for name, x in joints.items()}
+            publisher.publish(measurement(n * MS, places))
 
         supervisor.follow('configure')
         wait_for(publisher.get_subscription_count)
@@ -359,24 +360,18 @@ def test_a_node_whose_kind_is_not_known_does_not_start(given, words):
     assert_refused(done.returncode, done.stdout, done.stderr, words)
 
 
-def test_a_node_that_is_not_managed_has_no_services_of_one():
-    with watched([STATES], *node_arguments()) as (listener, node):
-        listener.await_more(1)
-        wait_for(lambda: any('set_parameters' in x for x in services(listener)))
-        assert not any('change_state' in x for x in services(listener))
-        stop(node)
-
-
-def services(listener):
-    found = listener.node.get_service_names_and_types_by_node('linkage_node', '/')
-    return [name for name, _ in found]
-
-
 # ---------------------------------------------------------------- every state
 
 
-@pytest.mark.parametrize('end', ['SIGINT', 'SIGTERM', 'shutdown'])
-@pytest.mark.parametrize('path', PATHS)
+# Each end in each state, and each path.
+ENDS = [
+    *((path, end) for path in ('unconfigured', 'inactive', 'active')
+      for end in ('SIGINT', 'SIGTERM', 'shutdown')),
+    ('inactive again', 'SIGINT'), ('unconfigured again', 'SIGTERM'), ('active again', 'shutdown'),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(('path', 'end'), ENDS)
 def test_a_node_ends_in_every_state(tmp_path, path, end):
     log = tmp_path / 'run.mcap'
     values = {**read_values('quadrilateral'), 'managed': 'true', 'log': log,
@@ -436,8 +431,10 @@ def test_an_impossible_transition_is_refused_with_an_answer():
 FAULTS = {'error of a tick': 'Simulator.state', 'error of a report': 'HealthMonitor.report'}
 
 
-@pytest.mark.parametrize('topic', [EFFORTS, TRAJECTORIES])
-@pytest.mark.parametrize('end', ['deactivate', 'shutdown', *FAULTS])
+@pytest.mark.parametrize(
+    ('end', 'topic'),
+    [*zip(('deactivate', 'shutdown', *FAULTS), 2 * (EFFORTS, TRAJECTORIES), strict=True)],
+)
 def test_a_plant_moves_without_torque_when_the_node_is_not_active(tmp_path, end, topic):
     """An error leaves the node unconfigured; it may be configured again."""
     path, own, now = tmp_path / 'plant.mcap', tmp_path / 'run.mcap', tmp_path / 'now'
@@ -489,8 +486,9 @@ def test_a_plant_moves_without_torque_when_the_node_is_not_active(tmp_path, end,
 COMPOSED = ROOT / 'docs/examples/composed.py'
 
 
-@pytest.mark.parametrize('managed', ['false', 'true'])
-@pytest.mark.parametrize('kind', ['MultiThreadedExecutor', 'SingleThreadedExecutor'])
+@pytest.mark.parametrize(
+    ('kind', 'managed'), [('MultiThreadedExecutor', 'true'), ('SingleThreadedExecutor', 'false')]
+)
 def test_example_runs_the_node_in_an_executor_with_another(tmp_path, kind, managed):
     path = tmp_path / 'run.mcap'
     program = COMPOSED.read_text().replace('MultiThreadedExecutor', kind)

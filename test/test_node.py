@@ -26,6 +26,7 @@ from ros_harness import (
     finished,
     logged,
     node_arguments,
+    set_parameter,
     stop,
     unbroken,
     verified,
@@ -34,7 +35,6 @@ from ros_harness import (
 )
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from test_node_parameters import set_parameter
 from test_torque_drive import MASSLESS
 
 from linkage_ros.messages.cdr import stamp_of
@@ -152,10 +152,7 @@ PUMP = ['--params-file', preset_path('wind_pump')]
 QUADRILATERAL = ['--params-file', preset_path('quadrilateral')]
 BAD = [
     (['-p', 'rpm:=fast'], r"rpm = 'fast': must be a number from -1e\+06 to 1e\+06 rpm"),
-    (['-p', 'rpm:=.nan'], 'rpm = nan: must be'),
-    (['-p', 'crank.lenght:=1.0'], 'did you mean crank.length'),
     (['-p', 'crank.length:=0.3'], 'cannot turn fully: .* it reaches'),
-    (['-p', 'mechanism:=four_bar'], 'frame.length is missing'),
     (['-p', 'gravity:=[0, -9.81]'], 'same type'),
     (['-p', 'log:='], 'override rule'),
     (['-p', 'log:=/nowhere/at/all/run.mcap'], 'cannot be written: there is no folder /nowhere$'),
@@ -205,10 +202,8 @@ BAD = [
     ),
     (['-p', 'drive:=follow'], 'drive = follow: a mechanism must be given'),
     (['--params-file', '/nowhere.yaml'], '/nowhere.yaml: No such file .*; give the path of a p'),
-    (['--params-file', '/dev/null'], 'is not a file'),
     (['--params-file', 'quadrilateral'], r'is a preset, and --params-file takes a path: .*\.yaml'),
     ([*PUMP, '-p', 'drive:=speed'], "drive = 'speed': must be torque"),
-    ([*PUMP, '-p', 'rpm:=60.0'], "'rpm' is not a parameter of a torque-driven wind_pump"),
     ([*PUMP, '-p', 'slider.position:=0.1'], 'the motion cannot start: coupler and rod do not'),
 ]
 

@@ -3,7 +3,6 @@
 """The parameter services of the real node, called as by `ros2 param`; all tests share a node."""
 
 import math
-import time
 from dataclasses import replace
 
 import pytest
@@ -12,14 +11,21 @@ from one_linkage import with_linkage
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import (
     DescribeParameters,
-    GetParameters,
-    ListParameters,
     SetParameters,
     SetParametersAtomically,
 )
 from rclpy.parameter import Parameter as LocalParameter
 from rclpy.parameter import parameter_value_to_python
-from ros_harness import PATIENCE, decoded, node_arguments, stop, wait_for, watched
+from ros_harness import (
+    PATIENCE,
+    call,
+    decoded,
+    dump,
+    node_arguments,
+    set_parameter,
+    stop,
+    watched,
+)
 
 from linkage_ros.node.parameter_node import _descriptor
 from linkage_ros.quantities import Quantity
@@ -29,34 +35,6 @@ from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 RPM = -42.5
 
 
-def call(listener, kind, name, request, namespace=''):
-    """Calls a service, and returns its response.
-
-    On a busy machine, Fast DDS drops the response to a client that its service has not matched
-    within 0.1 s, and the client waits in vain; the request is then sent again.
-    """
-    client = listener.node.create_client(kind, f'{namespace}/linkage_node/{name}')
-    assert client.wait_for_service(PATIENCE)
-    futures, sent = [], 0.0
-
-    def answered():
-        nonlocal sent
-        if time.monotonic() > sent + 5:
-            futures.append(client.call_async(request))
-            sent = time.monotonic()
-        return any(future.done() for future in futures)
-
-    wait_for(answered)
-    listener.node.destroy_client(client)
-    return next(future.result() for future in futures if future.done())
-
-
-def set_parameter(listener, name, namespace='', **value):
-    parameter = Parameter(name=name, value=ParameterValue(**value))
-    request = SetParameters.Request(parameters=[parameter])
-    return call(listener, SetParameters, 'set_parameters', request, namespace).results[0]
-
-
 @pytest.fixture(scope='module')
 def listener():
     """Returns a listener to a running node."""
@@ -64,14 +42,6 @@ def listener():
         listener.await_more(1)
         yield listener
         stop(process)
-
-
-def dump(listener):
-    """Returns the values of all parameters by name, requested as by `ros2 param dump`."""
-    listed = call(listener, ListParameters, 'list_parameters', ListParameters.Request())
-    names = sorted(listed.result.names)
-    got = call(listener, GetParameters, 'get_parameters', GetParameters.Request(names=names))
-    return dict(zip(names, got.values, strict=True))
 
 
 def test_every_kind_of_quantity_has_the_type_of_its_values():
@@ -100,6 +70,12 @@ def test_each_is_described_with_its_range(listener):
         if quantity.kind == 'number':
             (span,) = descriptor.floating_point_range
             assert (span.from_value, span.to_value) == (quantity.low, quantity.high)
+
+
+def test_a_node_that_is_not_managed_has_no_services_of_one(listener):
+    found = listener.node.get_service_names_and_types_by_node('linkage_node', '/')
+    assert any('set_parameters' in name for name, _ in found)
+    assert not any('change_state' in name for name, _ in found)
 
 
 def test_bad_values_are_refused_and_change_nothing(listener):

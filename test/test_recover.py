@@ -14,12 +14,13 @@ from typing import NamedTuple
 import pytest
 from hostile_logs import packed, record_bytes, tight
 from hostile_logs import whole as whole_log
+from live_logs import live, ticks
 from mcap.records import Channel, Chunk, Message, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC, Writer
 from ros_harness import assert_refused, report_of
 from test_log import spans, written
-from test_verify import CHANGES, live, ticks
+from test_verify import CHANGES
 
 from linkage_ros import LogError
 from linkage_ros.log.reader import LogReader

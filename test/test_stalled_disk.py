@@ -16,9 +16,8 @@ from itertools import count
 import pytest
 from mechanisms import FOLLOWED
 from rclpy.qos import QoSProfile
-from ros_harness import CODEC, node_arguments, report_of, stop, wait_for, watched
+from ros_harness import CODEC, node_arguments, report_of, set_parameter, stop, wait_for, watched
 from sensor_msgs.msg import JointState
-from test_node_parameters import set_parameter
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover

@@ -20,6 +20,7 @@ from rclpy.serialization import deserialize_message
 from ros_harness import (
     CODEC,
     PATIENCE,
+    SteppedClock,
     finished,
     fresh_domain,
     logged,
@@ -31,7 +32,6 @@ from ros_harness import (
     wait_for,
     watched,
 )
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from state_messages import messages_at
 from trajectory_msgs.msg import JointTrajectory
@@ -51,7 +51,6 @@ from linkage_ros.node.commanded_torque import CommandedTorque
 from linkage_ros.programs.log_commands import info
 from linkage_ros.run.states import RowPart, Simulator
 from linkage_ros.settings.configuration import configure, read_values
-from linkage_ros.units import NS_PER_S
 
 PLANT, EFFORTS, TRAJECTORIES = '/plant/joint_states', '/arm/efforts', '/arm/trajectory'
 TYPES = {
@@ -151,20 +150,6 @@ def plant(path, topic=EFFORTS):
         stop(node)
 
 
-class SlowClock:
-    """Simulated time, which the test lets pass."""
-
-    def __init__(self, node):
-        self._publisher, self._now = node.create_publisher(Clock, '/clock', 10), 100 * NS_PER_S
-
-    def go_on(self, step):
-        """Lets a time pass, ns."""
-        self._now += step
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(self._now, NS_PER_S)
-        self._publisher.publish(message)
-
-
 def assert_moves_without_torque(path):
     """Integrates the last 50 states of a plant's log again, under a torque of 0."""
     verified(path)
@@ -212,7 +197,7 @@ def test_plant_moves_without_torque_after_the_end_of_the_node(tmp_path, cause):
     if how is LAW:
         given['use_sim_time'] = 'true'
     with plant(path, topic) as (held, domain):
-        clock = SlowClock(held.listener.node)
+        clock = SteppedClock(held.listener, 0)
         with running(program, *node_arguments(**given), domain=domain) as node:
             # Commands before both sides are connected are lost, so that the end must wait.
             held.await_effort(lambda effort: clock.go_on(10**6) or is_torque(effort))
