@@ -196,7 +196,8 @@ class Configuration:
         names = ', '.join(linkage.name for linkage in self.linkages)
         if not names:
             raise ConfigurationError(f'{shown(name)}: there is one linkage, which has no name')
-        problem = f'{shown(name)} is not one of them' if name else 'choose one by its name'
+        choose = 'choose one by its name (option --linkage, parameter linkage)'
+        problem = f'{shown(name)} is not one of them' if name else choose
         raise ConfigurationError(f'the linkages are {names}: {problem}')
 
     def parameters(self) -> dict[str, object]:
