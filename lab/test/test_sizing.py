@@ -429,7 +429,7 @@ def test_sheet_says_what_a_motor_misses_and_what_cures_it(
         assert bool(inertia) == ('inertia' in cures)
         assert inertia is None or keeps(motor, float(inertia[1]))
         torque, more = re.search(
-            r'a motor torque of ([\d.]+) N m(?: with ([\d.]+) kg)?', said
+            r'a motor of ([\d.]+) N m at rest(?: with ([\d.]+) kg)?', said
         ).groups()
         assert keeps(Motor(float(torque), motor.damping), float(more or added))
 

@@ -147,7 +147,7 @@ def _not_kept(crank: Crank, sizing: _Sizing, motor: Motor) -> str:
         stronger = crank.motor_for(sizing.period.speed, sizing.added, motor)
         inertia = crank.inertia_for(sizing.fluctuation, sizing.period.speed, stronger)
         more = f' with {inertia:.4g} kg m^2' if inertia > _SLIGHTLY * sizing.added else ''
-        cures.append(f'a motor torque of {rounded(stronger.torque)} N m{more}')
+        cures.append(f'a motor of {rounded(stronger.torque)} N m at rest{more}')
     asked = f'{rounded(_RPM * sizing.period.speed)} rpm with fluctuation {sizing.fluctuation:g}'
     return f'NOT kept: {asked}; needs {" or ".join(cures) or "another motor"}'
 
