@@ -88,10 +88,7 @@ class Crank:
 
     @functools.cache  # noqa: B019
     def _period(self, speed: float) -> tuple[Array, Array, Array]:
-        """Computes the inertia at the crank over a period.
-
-        Args:
-            speed: Crank speed, rad/s, which determines the corners of the loads.
+        """Computes the inertia at the crank over a period, for corners of loads at a speed, rad/s.
 
         Returns:
             Crank angles, rad; the inertia there, kg m^2; and its derivative, kg m^2/rad.

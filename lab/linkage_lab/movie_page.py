@@ -276,11 +276,7 @@ class _NamedPin(NamedTuple):
 
 
 def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:
-    """Draws the mechanism.
-
-    Args:
-        linkage: The mechanism at all samples.
-        shown: Indices of the samples to show.
+    """Draws the mechanism, to be shown at the samples of some indices.
 
     Returns:
         The picture as SVG; its ratio of width to height; and the coordinates of the moving parts

@@ -728,10 +728,7 @@ def _net_power(solver: Solver, state: State, position: Array, acceleration: floa
 def _add_ratios(period: Period, unit_rate: State) -> None:
     """Adds the leverages of springs, and the transmission ratios (Mottola 2017, after eq. 33).
 
-    Args:
-        period: The period.
-        unit_rate: The motion for a speed of 1 rad/s or 1 m/s of the driven joint, whose rates are
-            the ratios.
+    They are the rates of `unit_rate`, the motion for a driven joint at 1 rad/s or 1 m/s.
     """
     solver, driven_unit = period.solver, period.driven.units.position
     for name in period.springs:

@@ -182,11 +182,7 @@ class Economy:
     """
 
     def __init__(self, mechanism: Mechanism, name: str) -> None:
-        """Finds the terms of the full model.
-
-        Args:
-            mechanism: A mechanism whose crank turns fully.
-            name: Name of its parameter file.
+        """Finds the terms of the full model; `name` is that of the parameter file.
 
         Raises:
             MechanismError: The crank does not turn fully.

@@ -229,11 +229,7 @@ def _numbers(period: Period, found: Extent, unit: str) -> str:
 def _write_table(figure: Figure, rows: Sequence[_Row], left: float, top: float) -> None:
     """Writes the table, each row after a sample of the line of its curve.
 
-    Args:
-        figure: The figure.
-        rows: The rows.
-        left: Left end, inches from the left edge.
-        top: Upper end, inches from the upper edge.
+    It begins at `left` and `top`, inches from these edges of the figure.
     """
     inches = figure.dpi_scale_trans
     for i, (words, curve) in enumerate(rows):

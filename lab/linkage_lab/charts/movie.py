@@ -140,9 +140,7 @@ def _film(design: Any, period: Period, name: str, words: str) -> Iterator[Image.
 def _layout(ratio: float, *, has_diagram: bool) -> tuple[tuple[float, float], list[Any]]:
     """Returns the size of a film, inches, and its axes of linkage and torque, as shares of it.
 
-    Args:
-        ratio: Ratio of width to height of the linkage.
-        has_diagram: Whether there are axes of the torque.
+    `ratio` is that of width to height of the linkage.
     """
     if ratio < _BROAD and has_diagram:
         return _SIZE, [*_SIDE_BY_SIDE]

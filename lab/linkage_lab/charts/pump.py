@@ -212,11 +212,7 @@ def _draw_curves(axes: Axes, analysis: Analysis, colors: _Colors, x: str, y: str
 
 
 def _smooth(rows: Array) -> Array:
-    """Interpolates points by cubic curves with slopes of parabolas through three points.
-
-    Args:
-        rows: Points of a curve, shape (n, 2).
-    """
+    """Interpolates points, shape (n, 2), by cubics with the slopes of parabolas through three."""
     size = np.ptp(rows, axis=0)
     if len(rows) < _FEW_POINTS or not size.all():
         return rows

@@ -76,10 +76,7 @@ def sweep(options: argparse.Namespace) -> None:
 def _measure(study: Study, options: argparse.Namespace, measures: Array) -> None:
     """Measures the designs of a study in blocks, each on the first free worker.
 
-    Args:
-        study: The study.
-        options: Parsed command-line options: workers and scheduler.
-        measures: Receives the result of `measured` for each design, as it arrives.
+    `measures` receives the result of `measured` for each design, as it arrives.
 
     Raises:
         ConfigurationError: The cluster cannot be used, or workers died repeatedly.
@@ -111,10 +108,7 @@ class _Results:
     def __init__(self, study: Study, base: Array, measures: Array) -> None:
         """Assigns an outcome to each design.
 
-        Args:
-            study: Study that contains the designs.
-            base: The result of `measured` for the base design.
-            measures: The result of `measured` for each design; NaN for designs not yet measured.
+        `base` and `measures` are results of `measured`, NaN for designs not yet measured.
         """
         self.study, self._turns = study, measures[:, 0]
         self.base = dict(zip(study.task.measures, base[1:].tolist(), strict=True))

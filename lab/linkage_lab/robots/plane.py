@@ -132,12 +132,7 @@ class Plane:
     """
 
     def __init__(self, loops: Loops, values: Mapping[str, float], up: Array | None) -> None:
-        """Computes the plane.
-
-        Args:
-            loops: The loops.
-            values: Joint values of the pose.
-            up: Direction opposite to gravity in the root's axes; None for the model's gravity.
+        """Computes the plane in the pose of joint values; see `Request` for `up`.
 
         Raises:
             ConfigurationError: The loops are not planar, or the frame does not turn in the plane.

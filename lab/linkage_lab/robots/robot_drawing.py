@@ -196,10 +196,7 @@ class _Poser:
         return all(x.zero + self.values.get(x.name, 0.0) / x.ratio >= 0 for x in joints)
 
     def _in_assembly(self, sample: Drawn) -> Drawn:
-        """Draws the assembly that is nearest to the pose.
-
-        Args:
-            sample: A drawing of the loops at any closed joint values.
+        """Draws the assembly nearest to the pose, given a drawing of any closed joint values.
 
         Raises:
             ConfigurationError: The loops cannot close at the driven joint's value, or two
@@ -266,13 +263,7 @@ class _Poser:
             yield float(wrap(move)) if step.side else move / self.size
 
     def _unreachable(self, sample: Drawn, joint: JointMap, own: float) -> ConfigurationError:
-        """Describes where the loops close.
-
-        Args:
-            sample: A drawing of the loops.
-            joint: The driven joint.
-            own: The value of its link at which the loops do not close; see `JointMap`.
-        """
+        """Describes where the loops close, which is not at the value `own` of the driven link."""
         given = self.values.get(joint.name, 0.0)
         reach = reach_of(sample.mechanism)
         is_angle = reach is not None and not reach.slides

@@ -59,12 +59,7 @@ class Tree:
     """
 
     def __init__(self, robot: Robot, crank: str) -> None:
-        """Builds the tree.
-
-        Args:
-            robot: The robot.
-            crank: Name of a joint that is not cut open.
-        """
+        """Builds the tree, in which the joint named `crank` is not cut open."""
         self.bodies: list[Body] = []
         self.home: dict[str, int] = {}
         self.leftover: list[Joint] = []
