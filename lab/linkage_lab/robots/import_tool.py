@@ -16,7 +16,7 @@ import numpy as np
 
 from linkage_lab.output import new_file, save_text
 from linkage_lab.robots.loops import Request
-from linkage_lab.robots.model import Robot
+from linkage_lab.robots.model import RobotModel
 from linkage_lab.robots.plane import FRAME
 from linkage_lab.robots.robot_drawing import RobotDrawing, draw_robot
 from linkage_lab.robots.sdf import read_sdf
@@ -43,7 +43,7 @@ _GAP = Quantity(
 _LAYER = 1e-9  # m, distance along the normal that is worth a line
 
 
-def read_robot(path: Path) -> Robot:
+def read_robot(path: Path) -> RobotModel:
     """Reads a robot model; the root element determines the format.
 
     Raises:

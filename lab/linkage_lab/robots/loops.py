@@ -17,7 +17,7 @@ from linkage_lab.robots.model import (
     REVOLUTE,
     Closure,
     Joint,
-    Robot,
+    RobotModel,
     listed,
 )
 from linkage_lab.robots.tree import Edge, Tree
@@ -81,7 +81,7 @@ class Loops(NamedTuple):
         frame_joint: The joint that turns the frame; None if the frame is at rest.
     """
 
-    robot: Robot
+    robot: RobotModel
     tree: Tree
     closures: list[Closure]
     joints: list[Outward]
@@ -96,7 +96,7 @@ class Loops(NamedTuple):
         return [self.frame, *(joint.far for joint in self.joints)]
 
 
-def find_loops(robot: Robot, request: Request) -> Loops:
+def find_loops(robot: RobotModel, request: Request) -> Loops:
     """Finds the loops that move with a joint.
 
     Raises:
@@ -135,7 +135,7 @@ def find_loops(robot: Robot, request: Request) -> Loops:
     )  # fmt: skip
 
 
-def _require_names(robot: Robot, request: Request) -> None:
+def _require_names(robot: RobotModel, request: Request) -> None:
     """Requires different names of joints, and known names in the request.
 
     Raises:
@@ -166,7 +166,7 @@ def _require_known(
 
 
 def _loops_of(
-    robot: Robot, tree: Tree, crank: str, close: Sequence[tuple[str, str]]
+    robot: RobotModel, tree: Tree, crank: str, close: Sequence[tuple[str, str]]
 ) -> list[_Loop]:
     """Returns the loops with the crank, and those that share a joint with one of them.
 
@@ -192,7 +192,7 @@ def _loops_of(
     return sorted(connected, key=lambda loop: crank not in _joint_names(loop))  # its own first
 
 
-def _closures_of(robot: Robot, tree: Tree) -> tuple[list[Closure], list[str]]:
+def _closures_of(robot: RobotModel, tree: Tree) -> tuple[list[Closure], list[str]]:
     """Returns the closures of a model and of joints that close loops; and other constraints."""
     closures, others = list(robot.closures), list(robot.others)
     for joint in tree.leftover:
@@ -328,7 +328,7 @@ def _frame_joint(tree: Tree, bodies: Sequence[int], frame: int, world: str) -> E
     raise ConfigurationError(f'--world {world}, and the frame {name}: {problem}')
 
 
-def gravity_of(robot: Robot, up: Array | None) -> Array:
+def gravity_of(robot: RobotModel, up: Array | None) -> Array:
     """Returns gravity in the axes of the root, m/s^2.
 
     Raises:

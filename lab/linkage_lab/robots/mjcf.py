@@ -22,7 +22,7 @@ from linkage_lab.robots.model import (
     Closure,
     Inertial,
     Joint,
-    Robot,
+    RobotModel,
     Transform,
     from_quaternion,
 )
@@ -48,7 +48,7 @@ _FLUID = 'density', 'viscosity'
 _LEFT_OUT = 'armature', 'damping', 'dampingpoly', 'frictionloss', 'stiffness', 'stiffnesspoly'
 
 
-def read_mjcf(path: Path) -> Robot:
+def read_mjcf(path: Path) -> RobotModel:
     """Reads bodies, joints, sites as links without mass, and connect and weld constraints.
 
     Returns:
@@ -221,7 +221,7 @@ class _Reader:
         self.links: dict[str, Inertial | None] = {}
         self.doubts: dict[str, str] = {}
 
-    def robot(self) -> Robot:
+    def robot(self) -> RobotModel:
         model = self.model
         for name in (*self.bodies, *self.sites):
             if name in self.links:
@@ -242,7 +242,7 @@ class _Reader:
         for number in range(model.ntendon):
             self._take_tendon(number)
         gravity = np.zeros(3) if self._is_disabled('GRAVITY') else model.opt.gravity.copy()
-        return Robot(
+        return RobotModel(
             self.links, self.joints, closures, gravity, {}, others, self.doubts, self._fluid()
         )
 

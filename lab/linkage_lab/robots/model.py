@@ -118,7 +118,7 @@ class Closure(NamedTuple):
     joint: str = ''
 
 
-class Robot(NamedTuple):
+class RobotModel(NamedTuple):
     """A robot model.
 
     Attributes:

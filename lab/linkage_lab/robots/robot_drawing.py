@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from linkage_lab.assemblies import choices, combined
 from linkage_lab.robots.artist import Artist, Drawn, point_of, position_of, tidy, to_digits
 from linkage_lab.robots.loops import Request, find_loops
-from linkage_lab.robots.model import Robot
+from linkage_lab.robots.model import RobotModel
 from linkage_lab.robots.notes import notes_of
 from linkage_lab.robots.plane import FRAME, JointMap, Plane, Step
 from linkage_ros import (
@@ -87,7 +87,7 @@ class RobotDrawing(NamedTuple):
         }
 
 
-def draw_robot(robot: Robot, request: Request) -> RobotDrawing:
+def draw_robot(robot: RobotModel, request: Request) -> RobotDrawing:
     """Draws the loops of a robot that move with its driven joint.
 
     Raises:

@@ -15,7 +15,7 @@ from linkage_lab.robots.model import (
     MOMENTS,
     Inertial,
     Joint,
-    Robot,
+    RobotModel,
     Transform,
     child_of,
     from_rpy,
@@ -52,7 +52,7 @@ _IN_AXIS = 'xyz', 'limit', 'dynamics', 'mimic', 'initial_position', 'use_parent_
 _OLDEST = 1, 5  # before, axes are those of the model
 
 
-def read_sdf(root: ET.Element) -> Robot:
+def read_sdf(root: ET.Element) -> RobotModel:
     """Reads the only model: links, frames as links without mass, and joints.
 
     Returns:
@@ -94,7 +94,7 @@ class _Reader:
             self.parts[name] = part
         self.poses = {'world': IDENTITY}  # by name, as far as they are known
 
-    def robot(self, gravity: Array) -> Robot:
+    def robot(self, gravity: Array) -> RobotModel:
         """Returns the robot with a given acceleration of gravity, m/s^2."""
         bodies = {x.get('name', ''): x for x in self.model.findall('link')}
         frames = {x.get('name', ''): x for x in self.model.findall('frame')}
@@ -107,7 +107,7 @@ class _Reader:
             *(self.joint(joint, poses) for joint in self.model.findall('joint')),
         ]
         doubts = {name: text for name, x in bodies.items() if (text := _assumed(x))}
-        return Robot(links, joints, [], gravity, poses, doubts=doubts)
+        return RobotModel(links, joints, [], gravity, poses, doubts=doubts)
 
     def pose(self, name: str) -> Transform:
         """Returns the pose of a link, frame or joint in the world.

@@ -18,7 +18,7 @@ from linkage_lab.robots.model import (
     REVOLUTE,
     Closure,
     Joint,
-    Robot,
+    RobotModel,
     Transform,
 )
 
@@ -58,7 +58,7 @@ class Tree:
         leftover: Joints that close loops.
     """
 
-    def __init__(self, robot: Robot, crank: str) -> None:
+    def __init__(self, robot: RobotModel, crank: str) -> None:
         """Builds the tree, in which the joint named `crank` is not cut open."""
         self.bodies: list[Body] = []
         self.home: dict[str, int] = {}
@@ -76,7 +76,7 @@ class Tree:
             if link not in self.home:
                 self._grow(link, joints_at, robot.roots.get(link, IDENTITY))
 
-    def _spanning(self, robot: Robot, crank: str) -> list[Joint]:
+    def _spanning(self, robot: RobotModel, crank: str) -> list[Joint]:
         """Returns the joints of a spanning tree; stores the others in `leftover`."""
         # Connected links form groups: each link leads to another of its group, the last to itself.
         next_link = {link: link for link in robot.links}
@@ -197,7 +197,7 @@ class Tree:
         return self.edges_along(self.path(start, end))
 
 
-def _depths(robot: Robot) -> dict[str, int]:
+def _depths(robot: RobotModel) -> dict[str, int]:
     """Returns how many joints are between each link and a root, on the shortest way."""
     below: dict[str, list[str]] = {link: [] for link in robot.links}
     for joint in robot.joints:

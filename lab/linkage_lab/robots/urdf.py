@@ -16,7 +16,7 @@ from linkage_lab.robots.model import (
     REVOLUTE,
     Inertial,
     Joint,
-    Robot,
+    RobotModel,
     Transform,
     child_of,
     from_rpy,
@@ -48,7 +48,7 @@ _IN_JOINT = (*_ATTRIBUTES, 'calibration', 'safety_controller')
 _QUATERNIONS = 1, 1  # version from which they are read
 
 
-def read_urdf(root: ET.Element) -> Robot:
+def read_urdf(root: ET.Element) -> RobotModel:
     """Reads links and joints; limits, dynamics and visuals are ignored.
 
     Raises:
@@ -70,7 +70,7 @@ def read_urdf(root: ET.Element) -> Robot:
         _read(lambda joint: _gazebo_joint(joint, poses), element)
         for element in root.findall('gazebo/joint')
     ]
-    return Robot(links, [*joints, *closing])
+    return RobotModel(links, [*joints, *closing])
 
 
 def _require_ends(links: Collection[str], joints: Sequence[Joint]) -> None:
