@@ -140,7 +140,7 @@ def is_known_to_ros2(words):
         case ('launch', 'linkage_ros', file, *rest):
             declared = load_script('reference').launch_arguments(ROOT / 'launch' / file)
             assert {word.partition(':=')[0] for word in rest} <= set(declared), words
-        case ('launch',):
+        case ('launch',) | ('lifecycle', 'set'):
             pass  # in a sentence
         case ('topic', 'pub', *_, topic, kind, _):
             types = {qualified(known): known.interface.name for known in TOPICS}
@@ -149,6 +149,9 @@ def is_known_to_ros2(words):
             assert topic in [qualified(known) for known in TOPICS], words
         case ('lifecycle', 'set', '/linkage_node', transition):
             assert transition in ('configure', 'activate', 'deactivate', 'cleanup'), words
+        case ('run', 'controller_manager', 'spawner', *spawned, '--param-file', file):
+            (manager,) = yaml.safe_load((ROOT / file).read_text())['controller_manager'].values()
+            assert {*spawned} == {*manager} - {'update_rate'}
         case ('param', 'set', '/linkage_node', name, value):
             live = {leaf.name: leaf.quantity for leaf in leaves(SpeedDrive) if leaf.quantity.live}
             assert name in live, words
