@@ -538,6 +538,8 @@ def _draw_loads(axes: Axes, sketched: Sketched) -> _Drawn:
     """Draws the arrows of loads, with their values."""
     drawing, drawn = sketched.drawing, _Drawn([], [])
     values = drawing.load_values(sketched.positions, sketched.rates)
+    links = drawing.links(drawing.place(sketched.positions))
+    corners = {link: line for link, (line,) in links.items()}
     for name, (arrow,) in drawing.loads(sketched.positions, sketched.rates).items():
         if not np.ptp(arrow, axis=0).any():
             continue  # no load here
@@ -545,9 +547,14 @@ def _draw_loads(axes: Axes, sketched: Sketched) -> _Drawn:
         axes.plot(*arrow.T, color=fractions(BLACK), linewidth=2.0, zorder=2.5)
         tail, tip = complex(*arrow[0]), complex(*arrow[Picture.ARROW_TIP])
         away = tail - tip if tail != tip else 1j
-        load, on_link, _ = name.partition(' on ')
+        load, on_link, link = name.partition(' on ')
         word = load if on_link else f'on {name}'
         drawn.lines.append(arrow)
+        if link in corners:  # a thin line from the nearest pin, as the point may be far
+            distances = np.linalg.norm(corners[link] - arrow[0], axis=1)
+            arm = np.stack([corners[link][distances.argmin()], arrow[0]])
+            axes.plot(*arm.T, color=fractions(drawing.colors[link]), linewidth=0.9)
+            drawn.lines.append(arm)
         drawn.labels.append(_Label(f'{word} {values[name][0]}', tail, away, BLACK))
     return drawn
 
