@@ -78,13 +78,13 @@ STEERING = '\x1b]0;title\x07\x1b[31m\u202e'
 
 
 @contextmanager
-def at_most(seconds, patience=PATIENCE):
+def at_most(seconds):
     """Fails if the block takes more processor time, s, or hangs, even in a blocking call."""
 
     def stop(number, _):
         raise AssertionError(f'not within {limits[number]} s')
 
-    limits = {signal.SIGPROF: seconds, signal.SIGALRM: patience}
+    limits = {signal.SIGPROF: seconds, signal.SIGALRM: PATIENCE}
     timers = {signal.SIGPROF: signal.ITIMER_PROF, signal.SIGALRM: signal.ITIMER_REAL}
     before = {number: signal.signal(number, stop) for number in limits}
     try:
@@ -284,12 +284,6 @@ def test_recovery_reads_a_log_of_damaged_chunks_about_once(stored, out, monkeypa
     log = whole(*3000 * [chunk(b'zstd', b'damaged', 1)])
     assert recover(stored(log), out).places == 3000
     assert sum(size) < 30 * len(log)
-
-
-def test_a_writer_of_a_pipe_would_block(tmp_path):
-    os.mkfifo(pipe := tmp_path / 'pipe.yaml')
-    with pytest.raises(AssertionError, match='not within'), at_most(5, patience=0.2):
-        pipe.open('rb').close()  # unblocks the writer
 
 
 # ---------------------------------------------------------------- messages
@@ -597,19 +591,16 @@ def test_any_tree_as_a_parameter_file(tmp_path_factory, tree, own):
 
 # ---------------------------------------------------------------- bombs
 
-LIMITED = """
+BOMBS = """
 import resource, sys, time
 from pathlib import Path
 import numpy as np
 sys.path.insert(0, sys.argv[1])
 import hostile, hostile_logs, hostile_outcomes as outcomes
-from mcap.reader import make_reader
 np.seterr(all='raise')
 taken = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (taken + 2**29, taken + 2**29))
 path = Path('bomb.mcap')
-"""
-BOMBS = """
 for bomb in hostile_logs.bombs():
     path.write_bytes(bomb())
     outcomes.log_file(path)
@@ -620,24 +611,9 @@ for number, bomb in enumerate(hostile.yaml_bombs()):
     assert time.process_time() - begin < 5, number
 print('all')
 """
-UNLIMITED = """
-path.write_bytes(hostile_logs.bombs()[2]())
-with path.open('rb') as stream:
-    print(len(list(make_reader(stream).iter_messages())))
-"""
-
-
-def limited(program, tmp_path):
-    words = [sys.executable, '-c', LIMITED + program, str(ROOT / 'test')]
-    return subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
 
 
 def test_bombs_take_little_memory(tmp_path):
-    done = limited(BOMBS, tmp_path)
+    words = [sys.executable, '-c', BOMBS, str(ROOT / 'test')]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.stdout == 'all\n', done.stderr
-
-
-def test_bombs_exhaust_the_memory_of_the_mcap_library(tmp_path):
-    done = limited(UNLIMITED, tmp_path)
-    assert done.returncode
-    assert 'MemoryError' in done.stderr or 'resize buffer' in done.stderr, done.stderr

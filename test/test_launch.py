@@ -211,11 +211,17 @@ def test_frames_of_messages_and_rviz_are_those_of_tf(launched):
     assert model['Description Topic']['Value'] == topic
 
 
+@pytest.mark.parametrize('linkages', [(), ('a', 'b')])
 @pytest.mark.parametrize('names', [(), ('tip',), ('heel', 'tip')])
-def test_rviz_shows_each_traced_point(names, launched, tmp_path):
-    points = ''.join(f'{name}: {{link: coupler, at: [0.1, 0.0]}}, ' for name in names)
+def test_rviz_shows_each_traced_point(linkages, names, launched, tmp_path):
+    own = {f'points.{name}': {'link': 'coupler', 'at': [0.1, 0.0]} for name in names}
+    values = {name: x for name, x in read_values('quadrilateral').items() if 'point' not in name}
+    if linkages:
+        values |= {'linkages': [*linkages], 'b': own}
+    else:
+        values |= own
     path = tmp_path / 'own.yaml'
-    path.write_text(OWN.replace('{tip: {link: coupler, at: [0.1, 0.0]}}', f'{{{points}}}'))
+    path.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}))
     nodes, _ = launched(DEMO, 'rviz2', params=str(path), namespace='left', rviz='true')
     _, file = nodes['rviz2'].arguments
     rviz = yaml.safe_load(Path(file).read_text())['Visualization Manager']
@@ -223,7 +229,8 @@ def test_rviz_shows_each_traced_point(names, launched, tmp_path):
         (show['Name'], show['Topic']['Value'])
         for show in rviz['Displays'] if show['Class'].endswith('PointStamped')
     ]  # fmt: skip
-    assert shown == [(name, f'points/{name}') for name in names]
+    of_one = 'b/' if linkages else ''
+    assert shown == [(of_one + name, f'{of_one}points/{name}') for name in names]
 
 
 @pytest.mark.parametrize('file', [DEMO, FOLLOW], ids=lambda path: path.name)
@@ -499,24 +506,6 @@ def test_linkages_on_different_links_are_no_tree_of_one_launch(launched, tmp_pat
     file.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}))
     with pytest.raises(ConfigurationError, match='frame_id: must be the same link'):
         launched(DEMO, params=str(file))
-
-
-def test_rviz_shows_the_points_of_each_linkage(launched, tmp_path):
-    file, point = tmp_path / 'two.yaml', {'link': 'coupler', 'at': [0.1, 0.0]}
-    values = {
-        'linkages': ['a', 'b'],
-        **read_values('quadrilateral'),
-        'b': {'points': {'C': point}},
-    }
-    file.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}))
-    nodes, _ = launched(DEMO, 'rviz2', params=str(file), rviz='true')
-    rviz = yaml.safe_load(Path(nodes['rviz2'].arguments[1]).read_text())['Visualization Manager']
-    shown = [
-        (show['Name'], show['Topic']['Value'])
-        for show in rviz['Displays'] if show['Class'].endswith('PointStamped')
-    ]  # fmt: skip
-    names = 'a/coupler_point', 'b/C', 'b/coupler_point'
-    assert sorted(shown) == [(name, name.replace('/', '/points/')) for name in names]
 
 
 def by_stamp(messages):
