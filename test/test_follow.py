@@ -256,7 +256,7 @@ def answered(tmp_path_factory):
         '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
     }
     arguments = *node_arguments(**FOLLOWED, log=path, joint_prefix='left_'), *REMAPS
-    silent = b'no measurement of left_crank on /joint_states in the last 2 s'
+    silent = b'no measurement of left_crank on /joint_states for 2 s'
     with watched(topics, *arguments) as (listener, process):
         said, answers = listener.received['/diagnostics'], listener.received[ANSWERS]
         publisher = listener.node.create_publisher(JointState, MEASURED, 1000)

@@ -44,6 +44,7 @@ from linkage_ros.log.tables import write_csv
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.messages.templates import encode_efforts
 from linkage_ros.messages.topics import DIAGNOSTICS
+from linkage_ros.motion.inputs import Losses
 from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.under_torque import Motor, TorqueMotion
 from linkage_ros.node import commanded_torque
@@ -277,7 +278,7 @@ LOST = {
     ),
     'measured_joint_states': (
         {**FOLLOWED, 'effort_command_topic': EFFORTS, 'measurement_timeout': 0.5},
-        'no measurement of crank on /measured_joint_states in the last 0.5 s: a torque of 0',
+        'no measurement of crank on /measured_joint_states for 0.5 s: a torque of 0',
     ),
 }  # fmt: skip
 
@@ -378,6 +379,17 @@ def test_torque_ends_once_if_it_is_not_renewed_in_time(clock, timeout):
         assert torque.seconds_left == math.inf or not timeout
         assert torque.efforts == {'': 0.0 if timeout else 2.5}
     assert {end.cause for end in ends} <= {'measurement_timeout'}
+
+
+def test_frequent_losses_of_a_source_are_named_for_ten_seconds(clock):
+    losses = Losses()
+    for _ in range(3):
+        assert not losses.note
+        losses.add()
+        clock[0] += 3.0
+    assert losses.note
+    clock[0] += 1.0
+    assert not losses.note
 
 
 def test_torque_that_a_late_tick_commands_after_the_end_is_ended_again():

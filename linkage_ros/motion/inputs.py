@@ -32,10 +32,11 @@ class Losses:
         self._times.append(time.monotonic())
 
     @property
-    def are_frequent(self) -> bool:
-        """Whether the source was lost three times in the last 10 s."""
+    def note(self) -> str:
+        """Words for warnings if the source was lost three times in the last 10 s, or none."""
         times = [*self._times]
-        return len(times) == _MOST_LOSSES and time.monotonic() - times[0] < WINDOW
+        are_frequent = len(times) == _MOST_LOSSES and time.monotonic() - times[0] < WINDOW
+        return f', {_MOST_LOSSES} times or more in the last {WINDOW} s' * are_frequent
 
 
 class Expiring(Generic[T]):
@@ -45,6 +46,7 @@ class Expiring(Generic[T]):
         default: Value that acts before the first value and after a timeout.
         value: The value that acts.
         timeouts: Number of values that expired.
+        losses: The last of these.
     """
 
     def __init__(self, default: T, timeout: float) -> None:
@@ -53,7 +55,7 @@ class Expiring(Generic[T]):
         self.default, self._timeout = default, round(timeout * NS_PER_S)
         self._begin: int | None = None  # of the last received value, ns
         self._is_active = False
-        self._losses = Losses()
+        self.losses = Losses()
 
     def at(self, now: int, received: Iterable[T]) -> T:
         """Returns the value that acts from a tick on, given the values since the last call.
@@ -65,7 +67,7 @@ class Expiring(Generic[T]):
         if self._begin is not None and not self.acts(now - self._begin):
             if self._is_active:
                 self.timeouts += 1
-                self._losses.add()
+                self.losses.add()
             self.value, self._is_active = self.default, False
         return self.value
 
@@ -77,7 +79,7 @@ class Expiring(Generic[T]):
     def is_lost(self) -> bool:
         """Whether the last value has expired, or values expire often."""
         has_expired = self._begin is not None and not self._is_active
-        return has_expired or self._losses.are_frequent
+        return has_expired or bool(self.losses.note)
 
 
 class UnnamedError(ValueError):

@@ -66,7 +66,8 @@ class LiveForce(Input):
         """Returns a warning if messages stopped, or stop often."""
         if not self.held.is_lost:
             return []
-        return [f'no message on {topic} within wrench_timeout: the force of the parameters acts']
+        when = f'within wrench_timeout{self.held.losses.note}'
+        return [f'no message on {topic} {when}: the force of the parameters acts']
 
     def diagnostics(self) -> dict[str, str]:
         """Returns the force and the counts of messages, for diagnostics."""

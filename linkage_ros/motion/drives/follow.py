@@ -239,13 +239,14 @@ class MeasuredCrank(Input):
     def troubles(self, topic: str) -> list[str]:
         """Returns a warning if measurements stopped, or stop often."""
         is_heard = time.monotonic() - self._last < self._silence
-        if self.has_ended or (is_heard and not self._losses.are_frequent):
+        if self.has_ended or (is_heard and not self._losses.note):
             return []
         crank = self._machine.crank
         if self._frame:
             crank += f' and {self._frame_joint.name}'
         ends = ': a torque of 0 is commanded' if self._is_heard and self._timeout else ''
-        return [f'no measurement of {crank} on {topic} in the last {self._silence:g} s{ends}']
+        when = f'for {self._silence:g} s{self._losses.note}'
+        return [f'no measurement of {crank} on {topic} {when}{ends}']
 
     @property
     def _silence(self) -> float:

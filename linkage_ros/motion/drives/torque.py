@@ -270,7 +270,8 @@ class TorqueCommands(Input):
         """Returns a warning if commands stopped, or stop often."""
         if not self.held.is_lost:
             return []
-        return [f'no command on {topic} within command_timeout: the motor alone drives the crank']
+        when = f'within command_timeout{self.held.losses.note}'
+        return [f'no command on {topic} {when}: the motor alone drives the crank']
 
     def diagnostics(self) -> dict[str, str]:
         """Returns the active torque and the counts of commands, for diagnostics."""
