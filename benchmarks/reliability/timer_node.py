@@ -36,9 +36,11 @@ def main() -> None:
         stamp = node.get_clock().now()
         # rclpy skips missed calls: each call is due at the last multiple of the period.
         late.append(round((stamp.nanoseconds - origin) % (period * 1e9)))
-        (q,), (u,), (a,), crank, _ = motion.at(stamp.nanoseconds)
-        state = simulator.solver.state(q, u, a)
-        position, velocity, _, effort = joint_rows(simulator.solver.structure.links, state, crank)
+        coordinates = motion.at(stamp.nanoseconds)
+        state = simulator.solver.state(*coordinates.q, *coordinates.u, *coordinates.a)
+        position, velocity, _, effort = joint_rows(
+            simulator.solver.structure.links, state, coordinates.unwrapped
+        )
         message = JointState(
             name=simulator.joints, position=position, velocity=velocity, effort=effort
         )
