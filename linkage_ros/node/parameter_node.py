@@ -214,6 +214,10 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
         if name in _READ_AT_START:
             return f'{name} is read when the node starts: start it again'
         quantity = self._quantities.get(name)
+        if not (self._is_open or self.has_parameter(name)):
+            of_linkages = [x for x in self._quantities if x.endswith(f'.{name}')]
+            advice = f': set {" or ".join(of_linkages)}' if of_linkages else ''
+            return f'this node has no parameter {name}{advice}'
         if quantity and not (quantity.live or self.describe_parameter(name).read_only):
             return f'{name} is read when the node is configured: clean it up first'
         return ''
