@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starts real processes on DDS for the tests, listens to them from outside, and stops them."""
 
+import fcntl
 import gc
 import itertools
 import os
@@ -9,8 +10,10 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
+from collections import deque
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -42,6 +45,8 @@ PATIENCE = 300.0
 _WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 3
 _OWN = 26
 _domains = (10 + _OWN * _WORKER + n % _OWN for n in itertools.count(os.getpid()))
+# Locked files of the latest domains; older ones are in use, so that their ports are open.
+_claims, _CLAIMS = deque[int](), 8
 _TYPES = {
     topic.name.rpartition('/')[2]: topic.interface.name
     for topic in (*TOPICS, point_topic('coupler_point'), JOINT_COMMANDS, SIMULATED_CLOCK)
@@ -70,10 +75,28 @@ def clear_ports(domain, folder=Path('/dev/shm')):
         folder.joinpath(f'fastrtps_port{port}').unlink(missing_ok=True)
 
 
+def claim(domain):
+    """Reserves a domain against other test processes; returns whether it was free.
+
+    A domain counts as taken when its ports are open, which may be seconds after its choice.
+    """
+    path = Path(tempfile.gettempdir(), f'linkage_ros_{os.getuid()}_domain_{domain}')
+    file = os.open(path, os.O_CREAT | os.O_WRONLY)
+    try:
+        fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(file)
+        return False
+    _claims.append(file)
+    if len(_claims) > _CLAIMS:
+        os.close(_claims.popleft())
+    return True
+
+
 def _next_unused():
     taken = taken_domains()
     candidates = itertools.islice(_domains, _OWN)
-    return next((domain for domain in candidates if domain not in taken), None)
+    return next((n for n in candidates if n not in taken and claim(n)), None)
 
 
 def fresh_domain():
