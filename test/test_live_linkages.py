@@ -59,11 +59,6 @@ def joints_in(data):
     return deserialize_message(data, JointState).name
 
 
-def motions_in(path):
-    """Counts the segments in a log that is being written."""
-    return path.read_bytes().count(b'linkage_ros/motion')
-
-
 def efforts_in(data):
     return list(deserialize_message(data, Float64MultiArray).data)
 
@@ -84,17 +79,22 @@ def test_laws_end_one_after_the_other_and_trajectories_name_any_cranks(tmp_path)
         both = trajectory((0.1, 0.2), (0.2, 0.3), names=('far_crank', 'right_crank'))
         for n, point in enumerate(both.points):
             point.positions = [0.4 + n, 0.2 + n]
-        publisher.publish(both)
-        publisher.publish(trajectory((0.1, 0.7), names=('right_crank', 'left_coupler')))
-        wait_for(lambda: clock.step() or motions_in(log) == 5)
-        for _ in range(30):
-            clock.step()
         last = trajectory((0.1, 2.0), names=('right_crank', 'left_crank'))
         last.points[0].positions = [2.0, 1.0]
-        publisher.publish(last)
-        wait_for(lambda: clock.step() or motions_in(log) == 6)
-        for _ in range(30):
-            clock.step()
+        wrong = trajectory((0.1, 0.7), names=('right_crank', 'left_coupler'))
+
+        def sent(joint, position, *messages):
+            """Sends trajectories, again if they are lost, and awaits where a joint arrives."""
+            for message in messages:
+                publisher.publish(message)
+            for _ in range(40):
+                clock.step()
+            state = deserialize_message(states[-1], JointState)
+            place = state.position[state.name.index(joint)]
+            return place == pytest.approx(position)
+
+        wait_for(lambda: sent('far_crank', 1.4, both, wrong))
+        wait_for(lambda: sent('right_crank', 2.0, last))
         output = stop(node, code=1)
         wait_for(lambda: all(listener.received[x] for x in TYPES))
     assert 'left: the motion ends 0.1 s after the start of its law' in output
@@ -102,7 +102,8 @@ def test_laws_end_one_after_the_other_and_trajectories_name_any_cranks(tmp_path)
     assert output.rstrip().endswith('; ended early: left')
     verified(log)
     reader, messages = logged(log)
-    assert [len(reader.motions[name]) for name in ('left', 'right', 'far')] == [1, 3, 2]
+    left, right, far = (len(reader.motions[name]) for name in ('left', 'right', 'far'))
+    assert (left, right >= 3, far >= 2) == (1, True, True)
     last = deserialize_message(messages[STATES][-1].data, JointState)
     place = dict(zip(last.name, last.position, strict=True))
     assert (place['right_crank'], place['far_crank']) == pytest.approx((2.0, 1.4))
@@ -229,9 +230,10 @@ def test_speed_is_set_at_the_top_or_of_one_linkage(tmp_path):
         for name, rpm in (('rpm', 90.0), ('left.rpm', 10.0), ('rpm', 120.0)):
             assert set_parameter(listener, name, type=3, double_value=rpm).successful
             listener.await_more(5)
-        assert not set_parameter(
-            listener, 'left.crank.length', type=3, double_value=1.0
-        ).successful
+        for name in ('left.joint_prefix', 'joint_prefix'):  # which each linkage has itself
+            refused = set_parameter(listener, name, type=4, string_value='other_')
+            assert not refused.successful
+            assert 'left.joint_prefix' in refused.reason
         stop(node)
     speeds = {name: [x.rpm for x in found] for name, found in LogReader(log).motions.items()}
     assert speeds == {
