@@ -107,7 +107,7 @@ class Motion(ABC):
         Raises:
             MotionError: The motion ends before the stamp.
         """
-        if conditions == self.conditions:
+        if conditions is self.conditions or conditions == self.conditions:
             return self
         changed = copy.copy(self)
         changed.conditions = conditions

@@ -43,6 +43,7 @@ from linkage_ros.node.ticker import RealTimeTicker, SimTimeTicker, Ticker
 from linkage_ros.node.workers import freeze_heap
 from linkage_ros.quantities import counted
 from linkage_ros.run.robot import Robot
+from linkage_ros.run.states import RowPart
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.units import NS_PER_MS
@@ -226,13 +227,13 @@ class LiveRun:
     def _tick(self, stamp: int) -> None:
         """Computes and publishes the state of a tick; runs in the ticker's thread."""
         start = self._ticker.t0
-        elapsed = stamp - start
         motions = self._each(stamp, self._moving, lambda one: one.begin_tick(stamp, start))
         for subscription, source in self._inputs:
-            motions = self._received(subscription, source, motions, stamp, elapsed)
-        moments = self._each(stamp, motions, lambda one: one.at(stamp, motions[one.name]))
-        self._publish_state(stamp, moments)
-        self._publish_trajectory(stamp)
+            motions = self._received(subscription, source, motions, stamp, stamp - start)
+        parts = self._each(stamp, motions, lambda one: one.step(stamp, motions[one.name]))
+        self._publish_state(stamp, parts)
+        if self._trajectory:
+            self._publish_trajectory(stamp, self._trajectory)
 
     def _each(
         self, stamp: int, names: Iterable[str], do: Callable[[MovingLinkage], _T]
@@ -244,12 +245,13 @@ class LiveRun:
         Raises:
             LinkageError: The motion of the last linkage ends.
         """
-        results = dict[str, _T]()
-        for name in [name for name in names if name in self._moving]:
-            try:
-                results[name] = do(self._moving[name])
-            except LinkageError as error:  # noqa: PERF203, one must not affect the others
-                self._end_motion(name, stamp, error)
+        results: dict[str, _T] = {}
+        for name in [*names]:
+            if linkage := self._moving.get(name):
+                try:
+                    results[name] = do(linkage)
+                except LinkageError as error:
+                    self._end_motion(name, stamp, error)
         return results
 
     def _end_motion(self, name: str, stamp: int, error: LinkageError) -> None:
@@ -308,7 +310,7 @@ class LiveRun:
             if name in self._moving:
                 coordinates = self._moving[name].measured(stamp, measured, conditions[name])
                 moments[name] = coordinates, self._crank(name).later(coordinates)
-        self._publish_state(stamp, moments)
+        self._publish_state(stamp, self._each(stamp, moments, lambda x: x.part(*moments[x.name])))
 
     def _crank(self, name: str) -> MeasuredCrank:
         """Returns the reader of the measured crank of a linkage."""
@@ -319,9 +321,13 @@ class LiveRun:
         for linkage in self._moving.values():
             linkage.restamp(old, new)
 
-    def _publish_state(self, stamp: int, moments: Mapping[str, Moment]) -> None:
-        """Computes, publishes, logs and shows the state of linkages at a stamp, ns."""
-        parts = self._each(stamp, moments, lambda one: one.part(*moments[one.name]))
+    def _publish_state(self, stamp: int, parts: Mapping[str, RowPart]) -> None:
+        """Publishes, logs and shows the state at a stamp.
+
+        Args:
+            stamp: The stamp, ns.
+            parts: Numbers of each linkage in the state, by name.
+        """
         if not parts:
             return
         names = tuple(parts)
@@ -333,16 +339,15 @@ class LiveRun:
             published = self._states[topic.name]
             if published.is_heard:
                 published.publisher.publish(messages[place])
+        if self._robot.has_efforts:
+            self._torque.renew(parts)
         self._outputs.log_state(LoggedState(now, messages, names))
-        self._torque.renew(parts)
-        states = {name: state for name in names if (state := self.linkages[name].state)}
-        self._outputs.show(stamp, states)
+        if self._outputs.has_view:
+            states = {name: state for name in names if (state := self.linkages[name].state)}
+            self._outputs.show(stamp, states)
 
-    def _publish_trajectory(self, stamp: int) -> None:
+    def _publish_trajectory(self, stamp: int, ahead: TrajectoryAhead) -> None:
         """Publishes the trajectory ahead of a stamp, if one is due."""
-        ahead = self._trajectory
-        if not ahead:
-            return
         motions = {name: x.motion for name, x in self._moving.items() if x.motion}
         if (message := ahead.message_at(motions, stamp)) is not None:
             self._publish(ahead.topic, message)

@@ -14,7 +14,7 @@ from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.messages.topics import prefix_of
 from linkage_ros.motion.live_force import LiveForce
 from linkage_ros.motion.measured import FollowSegment
-from linkage_ros.motion.segments import Coordinates, Gravity, Motion, Segment
+from linkage_ros.motion.segments import Coordinates, Motion, Segment
 from linkage_ros.node.endpoints import PolledSubscription
 from linkage_ros.quantities import build, flatten
 from linkage_ros.run.states import RowPart, Simulator
@@ -49,7 +49,7 @@ class MovingLinkage:
         self.first: Sequence[float] = ()
         self.ranges = Ranges(simulator.solver)
         self.forces, self._log = forces, log_segment
-        self._gravity: Gravity | None = None  # set while running
+        self._own = OWN_CONDITIONS  # with the gravity that is set while running
         self._segment: Segment | None = None  # the last logged one
 
     def begin_tick(self, stamp: int, start: int) -> Motion:
@@ -60,16 +60,16 @@ class MovingLinkage:
         motion = self.motion or self._continue(self.simulator.begin(start))
         return motion.under(stamp, self.conditions(stamp - start), self.drive)
 
-    def at(self, stamp: int, motion: Motion) -> tuple[Coordinates, Coordinates | None]:
-        """Continues along a motion; returns the coordinates at a stamp, ns, and those ahead."""
+    def step(self, stamp: int, motion: Motion) -> RowPart:
+        """Continues along a motion; returns the numbers in the messages at a stamp, ns."""
         ahead = self.simulator.ahead_of(motion, stamp)
         coordinates = motion.at(stamp)
         self._continue(motion)
-        return coordinates, ahead
+        return self.part(coordinates, ahead)
 
     def measured(self, stamp: int, coordinates: Coordinates, under: Conditions) -> Coordinates:
         """Returns the coordinates of a measurement under the conditions of its stamp, ns."""
-        gravity = self._gravity
+        gravity = self._own.gravity
         if under:
             under = replace(under, frame=coordinates.conditions.frame)
             coordinates = coordinates._replace(conditions=under)
@@ -96,13 +96,13 @@ class MovingLinkage:
 
     def conditions(self, now: int) -> Conditions:
         """Returns gravity and forces of loads that act from now, ns, on."""
+        if not self.forces:
+            return self._own
         forces = {
             source.name: source.held.at(now, subscription.take())
             for subscription, source in self.forces
         }
-        if self._gravity is None and not forces:
-            return OWN_CONDITIONS
-        return Conditions(gravity=self._gravity, forces=forces)
+        return Conditions(gravity=self._own.gravity, forces=forces)
 
     def _continue(self, motion: Motion) -> Motion:
         """Sets the current motion, and logs its segment if it is new."""
@@ -124,7 +124,7 @@ class MovingLinkage:
             under = replace(last.conditions if last else under, gravity=value)
             with suppress(LinkageError):
                 self.simulator.solver.state(angle, 1.0, 1.0, under=under)
-            self._gravity = value
+            self._own = Conditions(gravity=value)
             return
         self.drive = build(type(self.drive), {**flatten(self.drive), name: value})
 

@@ -35,6 +35,9 @@ class Outputs:
     """Log and live view of a run, if configured, in separate threads; any thread may add to them.
 
     MCAP and Rerun are imported when they are needed, because they are optional.
+
+    Attributes:
+        has_view: Whether there is a view.
     """
 
     def __init__(self, node: Node, robot: Robot, others: Iterable[Topic]) -> None:
@@ -49,7 +52,8 @@ class Outputs:
         self._workers: dict[str, Worker[Any]] = {}
         self._channels: dict[str, int] = {}
         self._view: Any = None
-        if self._session.viewer:
+        self.has_view = bool(self._session.viewer)
+        if self.has_view:
             self._open_view(robot)
         if self._session.log:
             try:
@@ -155,9 +159,8 @@ class Outputs:
             self._workers['log'].offer(item, len(message), keep=topic.latched)
 
     def show(self, stamp: int, states: Mapping[str, State]) -> None:
-        """Shows the states of linkages, by name, at a stamp, ns."""
-        if self._view:
-            self._workers['viewer'].offer((stamp, states))
+        """Shows the states of linkages, by name, at a stamp, ns, in the view."""
+        self._workers['viewer'].offer((stamp, states))
 
     def health(self) -> dict[str, Health]:
         """Returns the health of log and viewer, by name."""

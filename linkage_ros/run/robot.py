@@ -3,7 +3,6 @@
 """The linkages of a run, and what they have in common: ticks, and messages of their states."""
 
 from collections.abc import Iterable, Mapping
-from itertools import chain
 
 import numpy as np
 
@@ -85,19 +84,19 @@ class Robot:
 
     def row(
         self, parts: Mapping[str, RowPart], held: Mapping[str, Real] | None = None
-    ) -> tuple[Real, ...]:
+    ) -> list[Real]:
         """Returns the numbers in the messages of a state.
 
         Args:
             parts: The numbers of the linkages that the state holds, by name, in their order.
             held: Last efforts of the other linkages; by default 0.
         """
-        numbers = chain.from_iterable(part.numbers for part in parts.values())
-        if not self.has_efforts:
-            return tuple(numbers)
-        efforts = {**dict.fromkeys(self.names, 0.0), **(held or {})}
-        efforts |= {name: part.effort for name, part in parts.items() if part.effort is not None}
-        return (*numbers, *efforts.values())
+        numbers = [number for part in parts.values() for number in part.numbers]
+        if self.has_efforts:
+            efforts = {**dict.fromkeys(self.names, 0.0), **(held or {})}
+            efforts |= {name: x.effort for name, x in parts.items() if x.effort is not None}
+            numbers += efforts.values()
+        return numbers
 
 
 class HeldEfforts:
