@@ -18,14 +18,14 @@ from linkage_ros.palette import DARK, GREY, Color, fractions
 
 # Margin around the drawing, relative to its size; and at least, for names, inches.
 _MARGIN, _NAMES = 0.08, 0.4
-_AS_FAR = 8.0  # a distance as bad as covering a point of a line, points
+_AS_FAR = 8.0  # a gap as bad as covering a point of a line, points
 _MOVED = 0.5  # a moved anchor is as bad as covering this many points of a line
 _AS_NEAR = 0.5  # a name this much farther from its part than from another is as near, points
 _STEP = 4.0  # between the points of lines that names should not cover, points
 WIDE = 2.2  # a drawing with this ratio of width to height is above text or diagrams
-# A name's distances from its pin, points, and its directions relative to the preferred one, deg;
+# Gaps between a name and its pin, points, and its directions relative to the preferred one, deg;
 # radius of a pin, points.
-_DISTANCES, _TURNS, _PIN = (16.0, 26.0, 36.0), (0, 40, -40, 80, -80, 120, -120, 180), 2.5
+_GAPS, _TURNS, _PIN = (6.0, 14.0, 24.0), (0, 40, -40, 80, -80, 120, -120, 180), 2.5
 NAME_STYLE: dict[str, Any] = {
     'textcoords': 'offset points', 'fontsize': SMALL, 'va': 'center', 'annotation_clip': False,
     'snap': False,  # a moving letter of straight lines, such as E, would change its shape
@@ -159,7 +159,7 @@ class LinkagePicture:
         preferred: Array,
         sizes: Array,
         lines: Sequence[Array] = (),
-        distances: Sequence[float] = _DISTANCES,
+        gaps: Sequence[float] = _GAPS,
         parts: Sequence[Array | None] = (),
         shifts: Array | None = None,
     ) -> list[Array]:
@@ -173,7 +173,7 @@ class LinkagePicture:
             preferred: Preferred direction of each name from there, of the same shape.
             sizes: Widths and heights of the names, points, of the same shape.
             lines: Lines that names should not cover, m, shapes (k, 2).
-            distances: Distances of a name that are tried in turn, points.
+            gaps: Gaps between a name and its anchor that are tried in turn, points.
             parts: What the names belong to, lines of shapes (k, 2), m; None for a name that may be
                 near to others. Empty for the anchors.
             shifts: A vector for each name, points, shape (n, 2), by which its anchor may be moved
@@ -193,12 +193,12 @@ class LinkagePicture:
         moves = np.zeros((len(anchors), 1, 2))
         if shifts is not None:
             moves = np.array([[0.0], [1.0], [-1.0]]) * shifts[:, np.newaxis]
-        distance_costs = np.repeat(distances, len(_TURNS)) / _AS_FAR
+        gap_costs = np.repeat(gaps, len(_TURNS)) / _AS_FAR
         costs_of_moves = np.where(np.arange(moves.shape[1]) > 0, _MOVED, 0.0)
-        distance_costs = np.add.outer(costs_of_moves, distance_costs).ravel()
+        gap_costs = np.add.outer(costs_of_moves, gap_costs).ravel()
         chosen = []
         for i, (anchor, direction, size) in enumerate(zip(anchors, preferred, sizes, strict=True)):
-            around, half = _places(direction, distances), 0.5 * size + 1.0
+            around, half = _places(direction, gaps, size), 0.5 * size + 1.0
             places = (moves[i][:, np.newaxis] + around).reshape(-1, 2)
             low, high = anchor + places - half, anchor + places + half  # corners of the name
             covered_boxes = _count_overlaps(low, high, self._occupied[:, 0], self._occupied[:, 1])
@@ -209,7 +209,7 @@ class LinkagePicture:
             if i in apart:
                 is_astray = apart[i] > np.min([*apart.values()], axis=0) + _AS_NEAR
             # The last key of `lexsort` is the first criterion.
-            costs = covered_points + distance_costs, is_outside, is_astray, covered_boxes, is_cut
+            costs = covered_points + gap_costs, is_outside, is_astray, covered_boxes, is_cut
             best = np.lexsort(costs)[0]  # the first of the best ones
             self._occupied = np.concatenate([self._occupied, [[low[best], high[best]]]])
             chosen.append(places[best])
@@ -244,17 +244,18 @@ def _exceeds(low: Array, high: Array, area: Array) -> Any:
     return ((low < area[0]) | (area[1] < high)).any(axis=1)
 
 
-def _places(preferred: Array, distances: Sequence[float]) -> Array:
+def _places(preferred: Array, gaps: Sequence[float], size: Array) -> Array:
     """Returns positions of a name relative to its pin, points, in the order of preference.
 
     Args:
         preferred: Preferred direction of the name, shape (2,).
-        distances: Distances from the pin, points.
+        gaps: Gaps between the pin and the name, points.
+        size: Width and height of the name, points.
     """
-    turned = np.exp(1j * np.radians(_TURNS)) * complex(*preferred)
-    directions = turned / math.hypot(*preferred)
-    places = np.outer(distances, directions).ravel()  # the nearest ones first
-    return np.stack([places.real, places.imag], axis=1)
+    turned = np.exp(1j * np.radians(_TURNS)) * complex(*preferred) / math.hypot(*preferred)
+    directions = np.stack([turned.real, turned.imag], axis=1)
+    from_middle = np.reshape(gaps, (-1, 1, 1)) + 0.5 * size  # to the middle of the name
+    return np.concatenate(from_middle * directions)  # the nearest ones first
 
 
 def _dense(line: Array) -> Array:

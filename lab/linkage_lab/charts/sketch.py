@@ -60,7 +60,7 @@ _AT_PIN = 0.03  # distance of marks that cover a pin, relative to the size of th
 # Two quarters of a disk: with a circle, the sign of a centre of mass.
 _QUARTERS = Path.make_compound_path(Path.wedge(0, 90), Path.wedge(180, 270))
 _NEAR_BAR = 12.0  # largest distance of a dimension from its bar, points
-_DISTANCES = 10.0, 15.0, 22.0, 30.0, 40.0, 55.0, 70.0  # of names, points
+_GAPS = 3.0, 7.0, 13.0, 20.0, 30.0, 45.0, 60.0  # between names and what they belong to, points
 SPRING_STYLE: dict[str, Any] = {
     'color': fractions(DARK), 'linewidth': 1.6, 'linestyle': (0, (1.5, 1.5)),
 }  # fmt: skip
@@ -764,7 +764,7 @@ def _write(axes: Axes, picture: LinkagePicture, labels: list[_Label], lines: lis
     preferred = np.array([[x.direction.real, x.direction.imag] for x in labels])
     moved = np.array([[(x.at + x.shift).real, (x.at + x.shift).imag] for x in labels])
     places = picture.free_places(
-        anchors, preferred, sizes, lines, _DISTANCES,
+        anchors, preferred, sizes, lines, _GAPS,
         [label.part for label in labels], picture.to_points(moved) - anchors,
     )  # fmt: skip
     for label, text, size, place in zip(labels, texts, sizes, places, strict=True):
