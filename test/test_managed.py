@@ -509,6 +509,24 @@ def test_example_runs_the_node_in_an_executor_with_another(tmp_path, kind, manag
     assert [one.cause for one in LogReader(path).torque_ends] == ['SIGTERM']
 
 
+def test_an_error_of_the_program_ends_the_torque_before_it(tmp_path):
+    """Unless a thread of the program goes on, which would keep the process."""
+    path, now = tmp_path / 'run.mcap', tmp_path / 'now'
+    wait = f'from pathlib import Path\n    while not Path({str(now)!r}).exists(): stop.wait(0.01)'
+    program = COMPOSED.read_text().replace('stop.wait()', f'{wait}\n    1 / 0')
+    program = program.replace('target=executor.spin', 'target=executor.spin, daemon=True')
+    given = {**read_values('quadrilateral'), 'effort_command_topic': EFFORTS, 'log': path}
+    topics = {EFFORTS: 'std_msgs/msg/Float64MultiArray'}
+    with watched(topics, *node_arguments(**given), program=program) as (listener, process):
+        listener.await_more(5, EFFORTS)
+        now.touch()
+        assert 'ZeroDivisionError' in process.communicate(timeout=PATIENCE)[1]
+        assert process.returncode == 1
+        wait_for(lambda: effort_in(EFFORTS, listener.received[EFFORTS][-1]) == 0.0)
+    assert [one.cause for one in LogReader(path).torque_ends] == ['end']
+    verified(path)
+
+
 # A program that is its own supervisor, and ends ROS before the node.
 ALONE = """
 import sys, time, rclpy

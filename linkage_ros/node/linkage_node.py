@@ -5,6 +5,7 @@
 Public: other packages may import `LinkageNode`.
 """
 
+import atexit
 import sys
 import threading
 import time
@@ -143,8 +144,12 @@ class LinkageNode(LifecycleNodeMixin, ParameterNode):  # type: ignore[misc]  # r
     # ------------------------------------------------------------ from start to end
 
     def start(self) -> None:
-        """Runs `work` in a thread, once, in a program with an executor of its own."""
+        """Runs `work` in a thread, once, in a program with an executor of its own.
+
+        The motion ends with the program, also if an error ends that before `end`.
+        """
         if not self._thread:
+            atexit.register(self.end)
             self._thread = threading.Thread(target=self.work, name=_NAME, daemon=True)
             self._thread.start()
 
@@ -159,6 +164,7 @@ class LinkageNode(LifecycleNodeMixin, ParameterNode):  # type: ignore[misc]  # r
     def end(self) -> int:
         """Ends the motion, with a torque of 0 and a complete log; returns the exit code."""
         self._must_end = True
+        atexit.unregister(self.end)
         if self._thread:
             self._thread.join()
         return self._end()
