@@ -24,6 +24,7 @@ from ros_harness import (
     node_arguments,
     set_parameter,
     stop,
+    wait_for,
     watched,
 )
 
@@ -73,9 +74,11 @@ def test_each_is_described_with_its_range(listener):
 
 
 def test_a_node_that_is_not_managed_has_no_services_of_one(listener):
-    found = listener.node.get_service_names_and_types_by_node('linkage_node', '/')
-    assert any('set_parameters' in name for name, _ in found)
-    assert not any('change_state' in name for name, _ in found)
+    def names():
+        return [name for name, _ in listener.node.get_service_names_and_types()]
+
+    wait_for(lambda: '/linkage_node/set_parameters' in names())
+    assert '/linkage_node/change_state' not in names()
 
 
 def test_bad_values_are_refused_and_change_nothing(listener):
