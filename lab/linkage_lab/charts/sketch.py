@@ -60,7 +60,7 @@ _AT_PIN = 0.03  # distance of marks that cover a pin, relative to the size of th
 # Two quarters of a disk: with a circle, the sign of a centre of mass.
 _QUARTERS = Path.make_compound_path(Path.wedge(0, 90), Path.wedge(180, 270))
 _NEAR_BAR = 12.0  # largest distance of a dimension from its bar, points
-_GAPS = 3.0, 7.0, 13.0, 20.0, 30.0, 45.0, 60.0  # between names and what they belong to, points
+_GAPS = 4.5, 8.0, 13.0, 20.0, 30.0, 45.0, 60.0  # between names and what they belong to, points
 SPRING_STYLE: dict[str, Any] = {
     'color': fractions(DARK), 'linewidth': 1.6, 'linestyle': (0, (1.5, 1.5)),
 }  # fmt: skip
