@@ -514,7 +514,6 @@ def test_an_error_of_the_program_ends_the_torque_before_it(tmp_path):
     path, now = tmp_path / 'run.mcap', tmp_path / 'now'
     wait = f'from pathlib import Path\n    while not Path({str(now)!r}).exists(): stop.wait(0.01)'
     program = COMPOSED.read_text().replace('stop.wait()', f'{wait}\n    1 / 0')
-    program = program.replace('target=executor.spin', 'target=executor.spin, daemon=True')
     given = {**read_values('quadrilateral'), 'effort_command_topic': EFFORTS, 'log': path}
     topics = {EFFORTS: 'std_msgs/msg/Float64MultiArray'}
     with watched(topics, *node_arguments(**given), program=program) as (listener, process):

@@ -39,7 +39,7 @@ def main() -> int:
     linkage = LinkageNode(stop)
     executor.add_node(linkage)
     executor.add_node(Watcher())
-    thread = threading.Thread(target=executor.spin)
+    thread = threading.Thread(target=executor.spin, daemon=True)
     thread.start()
     linkage.start()
     stop.wait()
