@@ -149,6 +149,8 @@ def is_known_to_ros2(words):
             assert topic in [qualified(known) for known in TOPICS], words
         case ('lifecycle', 'set', '/linkage_node', transition):
             assert transition in ('configure', 'activate', 'deactivate', 'cleanup'), words
+        case ('run', 'joint_state_publisher', 'joint_state_publisher', '--ros-args', *_):
+            pass  # tested by hand
         case ('run', 'controller_manager', 'spawner', *spawned, '--param-file', file):
             (manager,) = yaml.safe_load((ROOT / file).read_text())['controller_manager'].values()
             assert {*spawned} == {*manager} - {'update_rate'}
