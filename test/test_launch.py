@@ -300,6 +300,10 @@ def test_controller_keeps_the_speed_of_one_of_several_linkages(launched, tmp_pat
     for linkage in ('', 'middle'):
         with pytest.raises(ConfigurationError, match=r'legs.yaml: the linkages are left, right: '):
             launched(CONTROLLER, params=str(file), linkage=linkage)
+    file.write_text(LEGS.replace('0.05', '-0.05'))
+    with pytest.raises(ConfigurationError, match=r'legs.yaml: .*crank.length = -0.05'):
+        launched(CONTROLLER, params=str(file), linkage='right')
+    file.write_text(LEGS)
     nodes, _ = launched(CONTROLLER, params=str(file), linkage='right', rpm='60')
     values = values_of(nodes['linkage_node'])
     assert (values['right.start_rpm'], 'start_rpm' in values) == (60, False)

@@ -156,7 +156,8 @@ def plant(arguments: Mapping[str, str]) -> Values:
 def _with_drive(drive: str, arguments: Mapping[str, str]) -> Values:
     """Returns the parameters of the file that apply to a drive, with that drive."""
     file = read_values(arguments['params'], arguments['namespace'])
-    configure(file)
+    with in_file(arguments['params']):
+        configure(file)
     names = linkage_names(file)
     top, own = split(file, names)
     applicable = dict[str, set[str]]()  # names of parameters by linkage
