@@ -76,7 +76,7 @@ class Sketched:
         place: Position of the driven joint, rad or m.
         state: The state there, at the speed of the file.
         path: Positions of the links along the paths of the pins, rad and m, shape (n, links); None
-            for all that they can reach.
+            for all that they can reach, or for none, with two coordinates.
     """
 
     design: Any
@@ -508,7 +508,9 @@ def draw_sketch(
         for bar in _ground_bars(drawing):
             line = np.array([bar.start, bar.end])
             axes.plot(line.real, line.imag, color=fractions(GREY), linewidth=0.8, dashes=(8, 3))
-    path = drawing.positions if sketched.path is None else sketched.path
+    path = sketched.path
+    if path is None:  # pins of two coordinates move in areas, not on paths
+        path = drawing.positions if sketched.solver.mobility else sketched.positions
     picture = LinkagePicture(axes, drawing, path, sketched.positions, marks)
     places = drawing.place(sketched.positions)
     lines = {link: line for link, (line,) in drawing.links(places).items()}
