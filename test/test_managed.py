@@ -35,6 +35,7 @@ from ros_harness import (
     watched,
 )
 from sensor_msgs.msg import JointState
+from test_faults import fill_the_disk
 from test_live_linkages import arguments_of, joints_in
 from test_several_linkages import CASES, FOLLOWERS, columns, several
 from test_torque_ends import (
@@ -50,7 +51,7 @@ from test_torque_ends import (
 
 from linkage_ros import MotionError
 from linkage_ros.log.reader import LogReader
-from linkage_ros.messages.cdr import stamp_of
+from linkage_ros.messages.cdr import ERROR, stamp_of
 from linkage_ros.programs.record import record, record_measured
 from linkage_ros.settings.configuration import configure, read_values
 
@@ -401,6 +402,22 @@ def test_a_node_ends_in_every_state(tmp_path, path, end):
             verified(log)
     else:
         assert 'configure' not in PATHS[path]
+
+
+def test_a_log_that_has_failed_fails_the_cleanup(tmp_path):
+    path = tmp_path / 'run.mcap'
+    with watched(TOPICS, *node_arguments(managed='true', log=path)) as (listener, node):
+        supervisor = Supervisor(listener)
+        supervisor.follow('configure', 'activate')
+        listener.await_more(50, STATES)
+        fill_the_disk(node, path)
+        reports = listener.received[SAID]
+        wait_for(lambda: any(b'cannot be written' in report for report in reports))
+        supervisor.follow('deactivate')
+        assert supervisor.ask('cleanup') == (False, 'unconfigured')
+        failed = ERROR, 'unconfigured: the log is incomplete', 'unconfigured'
+        wait_for(lambda: said(listener) == failed)
+        stop(node, code=1)
 
 
 def test_an_impossible_transition_is_refused_with_an_answer():

@@ -325,6 +325,8 @@ class LinkageNode(LifecycleNodeMixin, ParameterNode):  # type: ignore[misc]  # r
     def _clean_up(self) -> TransitionCallbackReturn:
         is_complete = self._close()
         self._forget()
+        if not is_complete:
+            self._trouble = self._trouble or 'the log is incomplete'
         return SUCCESS if is_complete else FAULT
 
     def _recover(self) -> TransitionCallbackReturn:
