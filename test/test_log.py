@@ -32,14 +32,20 @@ from linkage_ros.log.mcap_writer import _BLOCK_SIZE
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.records import CONFIGURATION_RECORD, END_RECORD, MOTION_RECORD, LoggedSegment
 from linkage_ros.log.recover import recover
-from linkage_ros.log.rows import RowLayouts
+from linkage_ros.log.rows import LoggedState, RowLayouts
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.messages.cdr import encode_string
-from linkage_ros.messages.topics import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION
+from linkage_ros.messages.topics import (
+    DRIVING_TORQUE,
+    JOINT_COMMANDS,
+    JOINT_STATES,
+    ROBOT_DESCRIPTION,
+)
 from linkage_ros.programs import log_commands, log_tool, replay
 from linkage_ros.programs.record import record
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
+from linkage_ros.units import NS_PER_MS
 
 START = 1_795_000_000_000_000_000
 PERIOD = 5_000_000
@@ -213,6 +219,29 @@ def test_rows_have_the_bytes_that_the_library_would_write(tmp_path, start):
         found = simulator.begin(start).at_all(stamps)
         row = run_alone(simulator).row({'': simulator.part(found)})
         log.write_states(stamps, stamps, row)
+    write_records(tmp_path / 'other.mcap', records_of(path), chunk_size=1 << 30,
+                  enable_data_crcs=True)  # fmt: skip
+    assert (tmp_path / 'other.mcap').read_bytes() == path.read_bytes()
+
+
+def test_states_and_messages_of_a_run_are_written_in_their_order(tmp_path):
+    """As many states as commands, as with a controller, in several chunks."""
+    simulator, path = Simulator(load('quadrilateral').only), tmp_path / 'run.mcap'
+    robot, motion = run_alone(simulator), simulator.begin(0)
+    templates = robot.templates.of(('',))
+    with LogWriter(path, alone(simulator.linkage), overwrite=False) as log:
+        log.add_states(robot.templates, lambda topic: topic.name)
+        channel = log.add_topic(JOINT_COMMANDS, '/joint_commands')
+        items, due = [LoggedSegment(motion.segment)], []
+        for stamp in range(0, 4000 * NS_PER_MS, NS_PER_MS):
+            messages = templates.pack(stamp, robot.row({'': simulator.part(motion.at(stamp))}))
+            command = channel, stamp + 5, encode_float64(stamp)
+            items += LoggedState(stamp, messages), command
+            due += [(stamp, messages[place]) for place in templates.slices.values()]
+            due.append(command[1:])
+        log.consume(items[:3001])
+        log.consume(items[3001:])
+    assert [(message.time, message.data) for message in content(path)[1]] == due
     write_records(tmp_path / 'other.mcap', records_of(path), chunk_size=1 << 30,
                   enable_data_crcs=True)  # fmt: skip
     assert (tmp_path / 'other.mcap').read_bytes() == path.read_bytes()
@@ -447,7 +476,7 @@ def test_log_of_a_failed_thread_needs_recovery(tmp_path, monkeypatch):
     log = LogWriter(path, CONFIGURATION, overwrite=False)
     channel = log.add_topic(DRIVING_TORQUE, '/driving_torque')
     log.consume([(channel, START, encode_float64(1.0))])
-    monkeypatch.setattr(log, 'write_messages', lambda _: 1 / 0)
+    monkeypatch.setattr(log, '_write_records', lambda _: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         log.consume([(channel, START + 1, encode_float64(2.0))])
     log.close()

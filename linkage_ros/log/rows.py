@@ -8,7 +8,7 @@ one block of bytes.
 
 import re
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -71,6 +71,7 @@ class RowLayout(Template):
     Attributes:
         channels: Channel number of each message.
         starts: Offset of each message's record.
+        messages: Channel and offset of each message.
         times: Field with the log time of the first message.
         linkages: Names of the linkages that the state holds.
     """
@@ -95,6 +96,7 @@ class RowLayout(Template):
             patterns.append(re.escape(constant_head) + b'.{%d}' % variable_size)
         super().__init__(parts, [*(field.name for field in _TIMES), *templates.names])
         self.starts, self.times = self._ends[:-1], self.places[0]
+        self.messages = [*zip(self.channels, self.starts, strict=True)]
         self._whole_rows = re.compile(b'(?:%b)*' % b''.join(patterns), re.DOTALL)
 
     def rows(
@@ -110,18 +112,14 @@ class RowLayout(Template):
         logged, stamped = np.asarray(times), np.divmod(stamps, NS_PER_S)
         return self.fill(len(logged), (logged, logged, *stamped, *numbers))
 
-    def rows_of(self, times: npt.ArrayLike, messages: Sequence[bytes]) -> bytearray:
-        """Encodes states whose messages are encoded; all topics of the state must have channels.
-
-        Args:
-            times: Log and publish time of each state, ns.
-            messages: CDR bytes of each state's messages; see `StateTemplates.pack`.
-        """
-        count, size = len(messages), self.size
+    def rows_of(self, states: Sequence[LoggedState]) -> Iterator[memoryview]:
+        """Yields the row of each state; all topics of the states must have channels."""
+        count, size = len(states), self.size
         rows = bytearray(self._blank * count)
         bytes_of_rows = np.frombuffer(rows, np.uint8).reshape(count, size)
-        bodies = np.frombuffer(b''.join(messages), np.uint8).reshape(count, -1)
-        time_of_each = np.array(times, np.uint64).reshape(count, 1)
+        bodies = np.frombuffer(b''.join([x.messages for x in states]), np.uint8)
+        bodies = bodies.reshape(count, -1)
+        time_of_each = np.array([[x.time] for x in states], np.uint64)
         body_start = 0  # of the next message in `bodies`
         for start, end in pairwise(self._ends):
             start_in_row = start + MESSAGE_HEAD.size
@@ -131,7 +129,8 @@ class RowLayout(Template):
             # Log and publish time, which follow the constant part of the head.
             both_times = np.ndarray((count, 2), '<u8', rows, start + _CONSTANT, strides=(size, 8))
             both_times[:] = time_of_each
-        return rows
+        view = memoryview(rows)
+        return (view[at : at + size] for at in range(0, len(rows), size))
 
     def fitting(self, records: bytes | bytearray) -> int:
         """Returns the length of the leading messages that match the start of a row, in bytes."""

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes MCAP logs: bags that ROS tools can open and that contain all data for verification."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from mcap.records import Channel, Metadata, Schema
@@ -49,9 +50,8 @@ def _qos(topic: Topic) -> str:
     )
 
 
-def _kind(item: Any) -> tuple[type, tuple[str, ...]]:
-    """Returns the class of an item and, of a state, the linkages that it holds."""
-    return type(item), item.linkages if type(item) is LoggedState else ()
+# Adjacent message records, their log time, ns, and the channel and offset of each.
+_Records: TypeAlias = tuple[bytes | memoryview, int, Sequence[tuple[int, int]]]
 
 
 class LogWriter(AbstractContextManager['LogWriter']):
@@ -140,28 +140,34 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: The file cannot be written.
         """
-        records, channels, entries = list[bytes](), list[int](), list[tuple[int, int]]()
+        self._write_records(
+            (message_record(channel, (stamp, stamp), data), stamp, ((channel, 0),))
+            for channel, stamp, data in messages
+        )
+
+    def _write_records(self, records: Iterable[_Records]) -> None:
+        """Appends message records; see `_Records`."""
+        data, times, entries = list[Any](), list[int](), defaultdict[int, list[Any]](list)
         end = self.mcap.position
-        for channel, stamp, data in messages:
-            record = message_record(channel, (stamp, stamp), data)
-            records.append(record)
-            channels.append(channel)
-            entries.append((stamp, end))
+        for record, time, places in records:
+            data.append(record)
+            times.append(time)
+            for channel, start in places:
+                entries[channel].append((time, end + start))
             end += len(record)
             if end > CHUNK_SIZE:
-                self._add_records(records, channels, entries)
-                records, channels, entries = [], [], []
+                self._add_records(data, times, entries)
+                data, times, entries = [], [], defaultdict(list)
                 end = self.mcap.position
-        if records:
-            self._add_records(records, channels, entries)
+        if data:
+            self._add_records(data, times, entries)
 
     def _add_records(
-        self, records: Sequence[bytes], channels: Sequence[int], entries: Sequence[tuple[int, int]]
+        self, data: Iterable[Any], times: Sequence[int], entries: Mapping[int, Sequence[Any]]
     ) -> None:
-        """Appends message records, each with channel, log time, ns, and offset in the chunk."""
-        rows = np.array(entries, np.uint64)
-        index = {number: rows[np.equal(channels, number)] for number in dict.fromkeys(channels)}
-        self.mcap.add_records(b''.join(records), rows[:, 0], index)
+        """Appends records to the chunk, given log time, ns, and offset of each, by channel."""
+        index = {channel: np.array(rows, np.uint64) for channel, rows in entries.items()}
+        self.mcap.add_records(b''.join(data), np.array(times, np.uint64), index)
 
     def write_states(
         self,
@@ -226,21 +232,31 @@ class LogWriter(AbstractContextManager['LogWriter']):
 
     def _append(self, items: Sequence[Any]) -> None:
         """Writes items, each as its kind requires."""
-        # Write adjacent states or messages together, which is much faster.
-        for (kind, linkages), group in groupby(items, _kind):
-            if kind is LoggedState:
-                times, messages, _ = zip(*group, strict=True)
-                layout = self._layouts.of(linkages)
-                self._add_rows(layout, times, layout.rows_of(times, messages))
-                continue
-            if kind is tuple:
-                self.write_messages(group)
+        # Write adjacent states and messages together, which is much faster.
+        for are_messages, group in groupby(items, lambda x: type(x) in {LoggedState, tuple}):
+            if are_messages:
+                self._write_records(self._records_of([*group]))
                 continue
             for item in group:
-                if kind is LoggedSegment:
+                if type(item) is LoggedSegment:
                     self.write_motion(item.segment, item.linkage)
                 else:
                     self.write_event(item)
+
+    def _records_of(self, items: Sequence[Any]) -> Iterator[_Records]:
+        """Yields the records of states and of arguments for `write`, in their order."""
+        states = defaultdict[tuple[str, ...], list[LoggedState]](list)
+        for item in items:
+            if type(item) is LoggedState:
+                states[item.linkages].append(item)
+        layouts = {linkages: self._layouts.of(linkages) for linkages in states}
+        rows = {linkages: layouts[linkages].rows_of(found) for linkages, found in states.items()}
+        for item in items:
+            if type(item) is LoggedState:
+                yield next(rows[item.linkages]), item.time, layouts[item.linkages].messages
+            else:
+                channel, stamp, data = item
+                yield message_record(channel, (stamp, stamp), data), stamp, ((channel, 0),)
 
     def flush(self) -> None:
         """Passes all messages to the operating system, so that they survive if the run is killed.

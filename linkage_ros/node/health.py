@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
 from linkage_ros.messages.cdr import ERROR, OK, WARN, Status
 from linkage_ros.motion.inputs import WINDOW
 from linkage_ros.node.ticker import TickCounts
@@ -125,7 +123,9 @@ class HealthMonitor:
         rate = kept / (last.time - first.time)
         if counts.start > first.time:  # the first tick was in this window
             rate = (counts.kept - 1) / (last.time - counts.start)
-        median, p99 = np.quantile(list(counts.lateness) or [0], (0.5, 0.99))
+        # Not by np.quantile, whose first call imports a module and delays the ticks by 16 ms.
+        lateness = sorted(counts.lateness) or [0]
+        median, p99 = (lateness[int(share * len(lateness))] for share in (0.5, 0.99))
         values = {
             'rate kept, Hz': f'{rate:.2f}',
             'states': str(counts.kept),
