@@ -222,9 +222,12 @@ def test_a_message_acts_from_its_state_until_it_expires():
     assert 'wrench_timeout' in force.troubles('/push')[0]
 
 
-def test_two_loads_with_one_topic_are_refused():
+def test_two_uses_of_one_topic_are_refused():
     values = {**LINKS, **PUSH, **PULL, 'loads.pull.wrench_topic': 'push', 'rpm': 60.0}
     with pytest.raises(ConfigurationError, match='two loads have it'):
+        Robot(configure(values))
+    values = {**LINKS, 'rpm': 60.0, 'effort_command_topic': 'joint_states'}
+    with pytest.raises(ConfigurationError, match='states have this topic'):
         Robot(configure(values))
 
 

@@ -4,6 +4,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from ipaddress import ip_address
+from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
@@ -94,7 +95,7 @@ class Outputs:
         from linkage_ros.log.records import Gap
         from linkage_ros.log.writer import LogWriter
 
-        path, resolve = self._session.log, self._node.resolve_topic_name
+        path, resolve = Path(self._session.log).expanduser(), self._node.resolve_topic_name
         log = LogWriter(path, robot.configuration, overwrite=self._session.log_overwrite)
         self._channels = log.add_states(robot.templates, lambda topic: resolve(topic.name))
         self._channels |= {t.name: log.add_topic(t, resolve(t.name)) for t in others}

@@ -35,7 +35,7 @@ class Robot:
         """Prepares the linkages.
 
         Raises:
-            ConfigurationError: Two loads have the same topic.
+            ConfigurationError: Two loads, or states and efforts, have the same topic.
         """
         self.configuration = configuration
         linkages = configuration.linkages
@@ -51,15 +51,20 @@ class Robot:
         numbers = [simulator.numbers for simulator in self.simulators.values()]
         self.templates = RunTemplates(numbers, session.frame_id, topic)
         self.ticks = TickRate(session.rate_hz)
-        self._require_distinct_wrench_topics()
+        self._require_distinct_topics()
 
-    def _require_distinct_wrench_topics(self) -> None:
+    def _require_distinct_topics(self) -> None:
         topics = [topic.name for forces in self.live_forces().values() for topic in forces]
         for topic in topics:
             if topics.count(topic) > 1:
                 raise ConfigurationError(
                     f'wrench_topic = {shown(topic)}: two loads have it; give each its own'
                 )
+        efforts = self.drive.effort_command_topic
+        if [topic.name for topic in self.templates.topics].count(efforts) > 1:
+            raise ConfigurationError(
+                f'effort_command_topic = {shown(efforts)}: states have this topic; choose another'
+            )
 
     def descriptions(self) -> dict[Topic, bytes]:
         """Returns the CDR bytes of the robot_description messages that are published, by topic."""
