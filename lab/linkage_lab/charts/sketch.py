@@ -511,16 +511,16 @@ def draw_sketch(
     path = sketched.path
     if path is None:  # pins of two coordinates move in areas, not on paths
         path = drawing.positions if sketched.solver.mobility else sketched.positions
-    picture = LinkagePicture(axes, drawing, path, sketched.positions, marks)
     places = drawing.place(sketched.positions)
     lines = {link: line for link, (line,) in drawing.links(places).items()}
+    # Marks count twice: a covered arrow is worse than a covered link.
+    covered = [*marks, *marks, *lines.values(), *drawing.ground]
+    picture = LinkagePicture(axes, drawing, path, sketched.positions, covered)
     middle = complex(*np.mean(places[0], axis=0))
     names = [link.name for link in sketched.solver.structure.links]
     labels += [_name(axes, sketched, j, lines[name], middle) for j, name in enumerate(names)]
     if with_dimensions:
         labels += _dimensions(sketched, marks)
-    # Marks count twice: a covered arrow is worse than a covered link.
-    covered = [*marks, *marks, *(lines[name] for name in names), *drawing.ground]
     _write(axes, picture, labels, covered)
 
 
