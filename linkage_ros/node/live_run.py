@@ -227,10 +227,10 @@ class LiveRun:
     def _tick(self, stamp: int) -> None:
         """Computes and publishes the state of a tick; runs in the ticker's thread."""
         start = self._ticker.t0
-        motions = self._each(stamp, self._moving, lambda one: one.begin_tick(stamp, start))
-        for subscription, source in self._inputs:
-            motions = self._received(subscription, source, motions, stamp, stamp - start)
-        parts = self._each(stamp, motions, lambda one: one.step(stamp, motions[one.name]))
+        motions = self._after_messages(stamp, start) if self._inputs else {}
+        parts = self._each(
+            stamp, self._moving, lambda one: one.step(stamp, start, motions.get(one.name))
+        )
         self._publish_state(stamp, parts)
         if self._trajectory:
             self._publish_trajectory(stamp, self._trajectory)
@@ -272,6 +272,13 @@ class LiveRun:
         if self._robot.drive.is_measured:  # the next state of another linkage may never come
             self._torque.end([name], END_OF_MOTION)
 
+    def _after_messages(self, stamp: int, start: int) -> dict[str, Motion]:
+        """Returns the motions after the messages since the last tick, given it and tick 0, ns."""
+        motions = self._each(stamp, self._moving, lambda one: one.begin_tick(stamp, start))
+        for subscription, source in self._inputs:
+            motions = self._received(subscription, source, motions, stamp, stamp - start)
+        return motions
+
     def _received(
         self,
         subscription: PolledSubscription,
@@ -280,7 +287,7 @@ class LiveRun:
         stamp: int,
         elapsed: int,
     ) -> dict[str, Motion]:
-        """Applies the messages since the last tick to the motions; see `Input.applied`."""
+        """Applies the messages of a subscription to the motions; see `Input.applied`."""
         for name, motion in motions.items():
             source.sources[name].prepare(motion, stamp)
         messages: list[Received] = [*subscription.take()]
@@ -339,9 +346,9 @@ class LiveRun:
             published = self._states[topic.name]
             if published.is_heard:
                 published.publisher.publish(messages[place])
+        self._outputs.log_state(LoggedState(now, messages, names))
         if self._robot.has_efforts:
             self._torque.renew(parts)
-        self._outputs.log_state(LoggedState(now, messages, names))
         if self._outputs.has_view:
             states = {name: state for name in names if (state := self.linkages[name].state)}
             self._outputs.show(stamp, states)

@@ -60,8 +60,16 @@ class MovingLinkage:
         motion = self.motion or self._continue(self.simulator.begin(start))
         return motion.under(stamp, self.conditions(stamp - start), self.drive)
 
-    def step(self, stamp: int, motion: Motion) -> RowPart:
-        """Continues along a motion; returns the numbers in the messages at a stamp, ns."""
+    def step(self, stamp: int, start: int, motion: Motion | None) -> RowPart:
+        """Moves to a tick; returns the numbers in its messages.
+
+        Args:
+            stamp: Stamp of the tick, ns.
+            start: Stamp of tick 0, ns.
+            motion: The motion after the messages that it has received; None if there are none.
+        """
+        if motion is None:
+            motion = self.begin_tick(stamp, start)
         ahead = self.simulator.ahead_of(motion, stamp)
         coordinates = motion.at(stamp)
         self._continue(motion)
