@@ -41,6 +41,7 @@ from linkage_ros.settings.configuration import configure
 from linkage_ros.settings.parameters import OF_THE_RUN
 
 STATES, EFFORTS, PLANNED = '/joint_states', '/efforts', '/planned'
+DIAGNOSTICS = '/diagnostics'
 TYPES = {
     STATES: 'sensor_msgs/msg/JointState', EFFORTS: 'std_msgs/msg/Float64MultiArray',
     PLANNED: 'trajectory_msgs/msg/JointTrajectory',
@@ -252,7 +253,8 @@ def test_measurements_that_stop_for_one_crank_end_its_torque_alone(tmp_path):
               'measurement_timeout': 0.2, 'log': str(log),
               **{f'{name}.{x}': y for name in ('leg', 'arm')
                  for x, y in FOLLOWERS[name].items()}}  # fmt: skip
-    with watched(TYPES, *arguments_of(tmp_path, values)) as (listener, node):
+    topics = {**TYPES, DIAGNOSTICS: 'diagnostic_msgs/msg/DiagnosticArray'}
+    with watched(topics, *arguments_of(tmp_path, values)) as (listener, node):
         publisher = listener.node.create_publisher(JointState, '/measured_joint_states', 10)
         wait_for(publisher.get_subscription_count)
         efforts, states, n = listener.received[EFFORTS], listener.received[STATES], 0
@@ -267,6 +269,8 @@ def test_measurements_that_stop_for_one_crank_end_its_torque_alone(tmp_path):
         wait_for(lambda: measure('hip', 'arm_crank') or efforts_in(efforts[-1])[0] == 0.0)
         assert efforts_in(efforts[-1])[1]
         assert not any('leg' in joint for joint in joints_in(states[-1]))
+        lost, reports = b'leg: no measurement of leg_crank', listener.received[DIAGNOSTICS]
+        wait_for(lambda: measure('hip', 'arm_crank') or any(lost in x for x in reports))
         output = stop(node)
     assert 'leg: no measurement of leg_crank on /measured_joint_states' in output
     report, reader = verified(log), LogReader(log)
