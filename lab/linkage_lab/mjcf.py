@@ -195,13 +195,15 @@ def _joint_values(links: Sequence[Link], start: State) -> tuple[list[float], lis
     """Returns positions and rates of the joints, each relative to the link that carries it."""
     position, velocity = (list(map(float, row)) for row in start[:2])
     for i, link in reversed([*enumerate(links)]):  # a carrier is converted after what it carries
-        if link.parent is not None and not link.slides:
-            carrier, angle = axes_of(links, link.parent)
-            direction = angle or 0.0  # of the carrier's axes
-            if carrier is not None:
-                direction += position[carrier]
-                velocity[i] -= velocity[carrier]
-            position[i] = math.remainder(position[i] - direction, math.tau)
+        if link.parent is None or link.slides:  # its values are relative already
+            continue
+        # The parent's axes turn with the link `turning`, or not at all, at a constant angle to it.
+        turning, angle = axes_of(links, link.parent)
+        direction = angle or 0.0
+        if turning is not None:
+            direction += position[turning]
+            velocity[i] -= velocity[turning]
+        position[i] = math.remainder(position[i] - direction, math.tau)
     return position, velocity
 
 

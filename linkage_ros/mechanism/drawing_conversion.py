@@ -555,7 +555,7 @@ class Conversion:
         )  # fmt: skip
 
     def with_rod(self, name: str, barrel: _Body, rod: _Body, start: str, end: str) -> Dyad:
-        """Returns a dyad of a link that is pinned at its end, and a slide on it."""
+        """Returns a dyad of a barrel, pinned at `end`, and a rod in it, pinned at `start`."""
         self.require_motion((barrel, rod), (start, end))
         joints = self.joint(start, rod), self.joint(end, barrel)
         from_, to = self.carrier(start), self.carrier(end)
@@ -571,6 +571,7 @@ class Conversion:
         return Dyad(
             name=name, from_=from_, from_at=from_at, to=to, to_at=to_at,
             barrel=self.mass(barrel, Barrel), rod=self.mass(rod, Rod),
+            # The distance of the start from the barrel's line through the end.
             offset=over_root(direction.cross(arm), direction.dot(direction)),
             names=(barrel.name, rod.name, *joints),
         )  # fmt: skip

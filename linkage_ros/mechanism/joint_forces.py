@@ -232,8 +232,9 @@ class _Balance:
         body = wrench.body
         self._add_effort(body, body, wrench.effort)
         if body != _FRAME and self._links[body].slides and not self._links[body].is_guided:
+            # A rod is pushed by the barrel in which it slides.
             self._add_effort(self._parent(body), body, -wrench.effort)
-        else:
+        else:  # the frame takes its share of the effort
             self._add_effort(_FRAME, body, -wrench.by_frame)
         self._couples[body] = self._couples[body] + wrench.couple
         if wrench.point is not None:
@@ -249,7 +250,7 @@ class _Balance:
         self._applied[body].append(_AppliedForce(at, force))
 
     def _add_effort(self, body: int, j: int, effort: Real) -> None:
-        """Adds a load of link j to a body: a force along the guide or, if j turns, a couple."""
+        """Adds an effort of link j to a body: a force along the guide or, if j turns, a couple."""
         if j == _FRAME or not self._links[j].slides:
             self._couples[body] = self._couples[body] + effort
         elif effort is not ZERO:

@@ -169,14 +169,14 @@ class TorqueMotion(Motion):
         A change of the motor starts a new segment. So does a delay of more than 0.25 s, during
         which the motion is paused. Only the forces of the conditions may change.
         """
-        self._drive(stamp, drive)
+        self._begin_if_due(stamp, drive)
         if conditions != self.conditions:
             self._advance(stamp)
             self.conditions = self._steps.driven.conditions = conditions
             self._steps.changed()
         return self
 
-    def _drive(self, stamp: int, drive: Any) -> None:
+    def _begin_if_due(self, stamp: int, drive: Any) -> None:
         """Starts a new segment if the motor has changed, or after a long delay; see `under`."""
         is_late = stamp - self._last > self._period + CATCH_UP
         if drive.motor == self._motor and not is_late:

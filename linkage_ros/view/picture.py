@@ -583,10 +583,10 @@ def _block_of_lever(structure: Structure, positions: Array) -> str:
 
 
 def _area(solver: Solver, start: float) -> Array:
-    """Samples all crank angles with a range of positions of a free slider around the start.
+    """Samples where a mechanism with a free slider can be, around a position of the slider, m.
 
-    In this range, the dyad closes at every crank angle, or at some crank angle if the start, m,
-    does not allow every one.
+    If all crank angles are possible there, so they are at each sampled position of the slider;
+    otherwise, at least one is.
     """
     crank, coupler, rod = (abs(weight) for weight in solver.structure.closure.weights if weight)
     longest = crank + coupler + rod
@@ -597,6 +597,7 @@ def _area(solver: Solver, start: float) -> Array:
     distance = abs(slider - crank * np.exp(1j * angle))
     margin = _BEFORE_END * longest
     closes = (distance > abs(coupler - rod) + margin) & (distance < coupler + rod - margin)
+    # Keep the slider's positions that are connected with the start.
     closes &= _rows_around(int(abs(sliders - start).argmin()), closes)[:, np.newaxis]
     positions = []
     for q in zip(angle[closes].tolist(), slider[closes].tolist(), strict=True):

@@ -91,11 +91,7 @@ class LinkagePicture:
         self._set_limits()
         self.moving = [*self._links.values(), self._pins, *self._names]
         self._points_per_pixel = 72 / axes.figure.dpi
-        boxes = [text.get_window_extent().get_points() for text in (scale_text, *self._names)]
-        scale_text_box, *corners = self._points_per_pixel * np.array(boxes)
-        scale = self.to_points(drawing.scale + self._scale_shift)
-        self._scale_boxes = [scale_text_box, [scale.min(axis=0), scale.max(axis=0)]]
-        self._sizes = np.ptp(corners, axis=1)
+        self._measure_texts(scale_text)
         self.move(shown[0])
 
     def _plot_ground_and_paths(self, positions: Array) -> None:
@@ -131,6 +127,15 @@ class LinkagePicture:
         )
         axes.set_axis_off()
         axes.apply_aspect()
+
+    def _measure_texts(self, scale_text: Any) -> None:
+        """Measures, in points, the sizes of the names, and the boxes of the scale."""
+        boxes = [text.get_window_extent().get_points() for text in (scale_text, *self._names)]
+        scale_text_box, *corners = self._points_per_pixel * np.array(boxes)
+        self._sizes = np.ptp(corners, axis=1)
+        scale = self.to_points(self._drawing.scale + self._scale_shift)
+        # Names must not cover these boxes.
+        self._scale_boxes = [scale_text_box, [scale.min(axis=0), scale.max(axis=0)]]
 
     def move(self, position: Array) -> None:
         """Shows the mechanism at a position of its links, shape (links,)."""

@@ -178,18 +178,20 @@ def _rubbing(random: Random, _: int, *, share: float, relieves: bool = False) ->
     With `relieves`, friction reduces the normal force; otherwise it adds to it.
     """
     while True:
-        r, b, offset = random.uniform((0.1, 0.5, -0.02), (0.3, 1.0, 0.02)).tolist()
+        lengths = random.uniform((0.1, 0.5, -0.02), (0.3, 1.0, 0.02)).tolist()
         crank = float(random.uniform(0.5, 2.6)) * (1 if random.random() < 0.5 else -1)
-        smooth = slider_crank(r, b, offset)
+        smooth = slider_crank(*lengths)
         force, velocity = _guide(smooth, crank)
-        # The change of the guide force for a friction of 1 N, from that for a force of 10 N.
+        # What 1 N along the slide adds to the guide force, measured with 10 N. Friction is such a
+        # force, against the velocity.
         pushed = replace(smooth, loads=(LinkLoad('slider', force=10.0),))
-        per_friction = -math.copysign(1.0, velocity) * (_guide(pushed, crank)[0] - force) / 10.0
+        per_newton = (_guide(pushed, crank)[0] - force) / 10.0
+        per_friction = -math.copysign(1.0, velocity) * per_newton
         if (per_friction * force < 0) == relieves:
             break
     mechanism = replace(smooth, loads=(Friction(guide=share / abs(per_friction)),))
     exact = abs(force) / (1 + share if relieves else 1 - share)
-    gain = share * math.copysign(1.0, per_friction)
+    gain = share * math.copysign(1.0, per_friction)  # the k of the methods
     return NumberCase((mechanism, crank, force, gain), exact, abs(exact))
 
 

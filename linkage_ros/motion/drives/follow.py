@@ -94,9 +94,14 @@ class MeasuredCrank(Input):
     def __init__(
         self, machine: Machine, bandwidth: float, frame: FrameJoint, timeout: float = 0.0
     ) -> None:
-        """Initializes without a measurement; see `FollowDrive` for the bandwidth, Hz.
+        """Initializes without a measurement.
 
-        The timeout, s, is that after which the node commands a torque of 0; 0 if it does not.
+        Args:
+            machine: The mechanism.
+            bandwidth: Bandwidth of the filters, Hz; see `FollowDrive`.
+            frame: The joint that turns base_link; one without a name is not read.
+            timeout: Time without a measurement after which the node commands a torque of 0, s; 0:
+                never.
         """
         self._machine, self._joint = machine, JointReader(machine.crank)
         reach = machine.solver.reach
