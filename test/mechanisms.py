@@ -362,12 +362,14 @@ def load_values(kind, name='a', **values):
 
 
 class Pushes(NamedTuple):
-    """Forces at points of links: (index of the link, point, force)."""
+    """Forces at points of links, each with a couple: (index of the link, point, force)."""
 
     given: tuple
 
     def wrenches(self, _links, _rates):
-        return [Wrench(link, force=force, point=point) for link, point, force in self.given]
+        return [
+            Wrench(link, force=force, point=point, couple=2.0) for link, point, force in self.given
+        ]
 
     def potential(self, _links):
         return ZERO

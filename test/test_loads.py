@@ -667,7 +667,7 @@ def test_forces_of_one_load_at_one_point_add_and_others_have_names_of_their_own(
     solver, point = Solver(mechanism), mechanism.structure().point_of(1, (0.3, 0.0))
     state = solver.state(np.linspace(0.5, 6.0, 4), 2.0)
     exerted = solver.exerted(state)
-    assert exerted.efforts == {'crank': 3.0}
+    assert exerted.efforts == {'crank': 3.0, 'coupler': 6.0, 'rocker': 2.0}
     assert {name: found.force for name, found in exerted.forces.items()} == {
         'tool on coupler': (15.0, 3.0),
         'tool on coupler 2': (0.0, 7.0),

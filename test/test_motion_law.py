@@ -451,6 +451,11 @@ def test_a_law_has_at_most_10000_points(monkeypatch):
     assert splines == [10_000]
 
 
+def test_values_of_a_law_are_checked_in_python_too():
+    with pytest.raises(ConfigurationError, match=r'frequency = -1\.0'):
+        law_drive.Prescribed(amplitude=0.1, frequency=-1.0)
+
+
 def test_a_csv_file_gives_the_points(tmp_path):
     path = tmp_path / 'law.csv'
     path.write_text('time,angle_deg,speed,acceleration_deg\n0,90,0,0\n1.5,120,0,-90\n')

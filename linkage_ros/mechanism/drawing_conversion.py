@@ -235,9 +235,7 @@ class Conversion:
         candidates = [*(self.driven_slides(driven) if driven.on else self.driven_turns(driven))]
         if not candidates:
             raise ConfigurationError(self.no_base(driven))
-        if len(candidates) > 1:
-            candidates.sort(key=lambda base: self.preference(driven, base))
-        return candidates[0]
+        return min(candidates, key=lambda base: self.preference(driven, base))
 
     def driven_turns(self, crank: _Body) -> Iterator[_Base]:
         """Yields the loops of a crank."""
