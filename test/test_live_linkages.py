@@ -7,6 +7,7 @@ import json
 import math
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
 from ros_harness import (
@@ -118,6 +119,8 @@ def test_laws_end_one_after_the_other_and_trajectories_name_any_cranks(tmp_path)
     assert all(all(row[1:]) for row in efforts[:-1])
     (zero,) = reader.torque_ends
     assert (zero.linkage, zero.cause) == ('', 'SIGINT')
+    report = deserialize_message(messages[DIAGNOSTICS][-1].data, DiagnosticArray)
+    assert 100 <= report.header.stamp.sec < 200  # on the simulated clock
     planned = [deserialize_message(x.data, JointTrajectory) for x in messages[PLANNED]]
     assert {tuple(one.joint_names) for one in planned} == {
         ('left_crank', 'right_crank', 'far_crank')
