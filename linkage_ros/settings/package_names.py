@@ -51,8 +51,8 @@ def read_own_parameters(
 def names_of_others(values: Parameters, path: Path | str, node_name: str) -> list[str]:
     """Returns the parameters of other programs that a file has below /**, for all nodes.
 
-    They are those whose first part is no name of this package, and resembles none. `values` are
-    the parameters of the node in the file.
+    The first part of such a name neither is a name of this package nor resembles one. `values`
+    are the parameters that the file gives the node.
     """
     own = first_parts() | {leaf.name for leaf in PARAMETERS}
     linkages = values.get(LINKAGES)

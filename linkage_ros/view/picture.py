@@ -567,8 +567,8 @@ def _reach(mechanism: Mechanism, crank_angle: float) -> Array:
 def _block_of_lever(structure: Structure, positions: Array) -> str:
     """Returns the rod of the loop if its barrel must be a lever with a slot, otherwise ''.
 
-    A barrel that has a point farther out than the rod's pin comes is no cylinder's. The mechanism
-    is given by lengths.
+    A barrel with a point beyond the places of the rod's pin is not the barrel of a cylinder. This
+    is for mechanisms given by lengths.
     """
     (_, last), *_ = structure.closures
     barrel = structure.links[last].parent
